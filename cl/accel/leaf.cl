@@ -1,0 +1,132 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/vector.cl"
+#include "accel/geometry.cl"
+#include "accel/ray.cl"
+#include "accel/box.cl"
+#include "accel/watertight.cl"
+#include "dispatch/shape.cl"
+// Leaves: triangle blocks and analytic shapes. Whatever the order of visits, the winner is the smallest t, then the
+// lowest id. A candidate counts only if its own box is met, by the arithmetic of the tree's boxes, and no earlier than
+// that box: so no box around it can have been culled, and brute force and every tree agree to the last bit.
+
+typedef struct {
+    float t;     // scaled; t_max until something is met
+    uint prim;   // NONE until something is met
+    uint place;  // of a triangle: block * 8 + lane
+} Closest;
+
+typedef struct {
+    TraceRay ray;
+    SlabRay slab;
+#if HAS_TRIANGLES
+    Shear shear;
+#endif
+} Query;
+
+static int better(const Closest *best, const float t, const uint prim)
+{
+    return t < best->t || (t == best->t && prim < best->prim);
+}
+
+#if HAS_TRIANGLES
+static float3 lane_row(global const Block *block, const uint vertex, const uint lane)
+{
+    global const float *values = (global const float *)block + (24u * vertex + lane);
+    return (float3)(values[0], values[8], values[16]);
+}
+
+// t of a triangle met at `depth`, no earlier than its box; negative if the box is not met up to `limit`.
+static float triangle_t(global const Block *block, const uint lane, const Query *q, const float depth,
+                        const float limit)
+{
+    const float3 a = lane_row(block, 0u, lane);
+    const float3 b = lane_row(block, 1u, lane);
+    const float3 c = lane_row(block, 2u, lane);
+    const float3 low = (float3)(min_of(a.x, min_of(b.x, c.x)), min_of(a.y, min_of(b.y, c.y)),
+                                min_of(a.z, min_of(b.z, c.z)));
+    const float3 high = (float3)(max_of(a.x, max_of(b.x, c.x)), max_of(a.y, max_of(b.y, c.y)),
+                                 max_of(a.z, max_of(b.z, c.z)));
+    float enter;
+    const int met = box_met(q->slab, low, high, limit, &enter);
+    return met ? max_of(depth / q->shear.length_z, enter * NEAR_SCALE) : NO_HIT;
+}
+
+// 1 if the ray met a triangle of the block that beats `best`, which it then becomes.
+static int visit_block(const Geometry g, const Query *q, const uint index, Closest *best)
+{
+    float depths[8] __attribute__((aligned(32)));
+    float8 depth;
+    global const Block *block = g.blocks + index;
+    const float limit = best->t * q->shear.length_z * FAR_SCALE;
+    uint mask = triangles_met8(block, q->shear, limit, &depth);
+    if (mask == 0u) {
+        return 0;
+    }
+    *(private float8 *)depths = depth;
+    int found = 0;
+    for (; mask != 0u; mask &= mask - 1u) {
+        const uint lane = ctz_of(mask);
+        const uint prim = ((global const uint *)&block->prim)[lane];
+        const float t = triangle_t(block, lane, q, depths[lane], best->t);
+        if (t >= 0.0f && prim != q->ray.skip && better(best, t, prim)) {
+            best->t = t;
+            best->prim = prim;
+            best->place = index * 8u + lane;
+            found = 1;
+        }
+    }
+    return found;
+}
+#endif
+
+#if HAS_ANALYTIC || HAS_PLANE
+static int is_planar(const uint kind)
+{
+    return kind == SHAPE_PLANE || kind == SHAPE_RECTANGLE || kind == SHAPE_DISK;
+}
+
+// Half extents of the shape's box around its center.
+static float3 shape_extent(global const Shape *s)
+{
+    const float3 u = abs3(xyz(s->u));
+    const float3 v = abs3(xyz(s->v));
+    if (s->kind == SHAPE_SPHERE) {
+        return (float3)(s->center.w);
+    }
+    if (s->kind == SHAPE_DISK) {
+        const float3 square = u * u + v * v;
+        return (float3)(sqrt_of(square.x), sqrt_of(square.y), sqrt_of(square.z));
+    }
+    return s->kind == SHAPE_RECTANGLE ? u + v : u + v + abs3(xyz(s->w));
+}
+
+static int visit_shape(const Geometry g, const Query *q, const uint index, Closest *best)
+{
+    global const Shape *s = g.shapes + index;
+    const uint prim = g.triangle_count + index;
+    if (prim == q->ray.skip && is_planar(s->kind)) {
+        return 0;
+    }
+    float t = shape_intersect(s, q->ray.o, q->ray.d, best->t);
+    if (!(t >= 0.0f)) {
+        return 0;
+    }
+#if HAS_ANALYTIC
+    if (s->kind != SHAPE_PLANE) {
+        float enter;
+        const float3 extent = shape_extent(s);
+        const float3 center = xyz(s->center);
+        if (!box_met(q->slab, center - extent, center + extent, best->t, &enter)) {
+            return 0;
+        }
+        t = max_of(t, enter * NEAR_SCALE);
+    }
+#endif
+    if (!better(best, t, prim)) {
+        return 0;
+    }
+    best->t = t;
+    best->prim = prim;
+    return 1;
+}
+#endif

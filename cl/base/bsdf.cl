@@ -1,0 +1,27 @@
+#pragma OPENCL FP_CONTRACT OFF
+
+// What every material has, in its shading frame (z = shading normal, wo and wi unit and away from the surface):
+//   NAME_sample  a direction wi with its weight f |cos wi| / pdf
+//   NAME_eval    f |cos wi| of the lobes with a density; 0 for single directions
+//   NAME_pdf     density of NAME_sample [1/sr], without its single directions
+// Opaque materials get wo.z > 0; eval and pdf are 0 for wi.z <= 0.
+
+#define BSDF_DELTA 1u     // a single direction: pdf is its probability, light sampling cannot find it
+#define BSDF_TRANSMIT 2u  // wi is on the other side of the surface
+
+typedef struct {
+    float3 wi;
+    float3 weight;
+    float pdf;  // 0: nothing sampled, the path ends
+    uint flags;
+} BsdfSample;
+
+static BsdfSample no_bsdf_sample(void)
+{
+    BsdfSample out;
+    out.wi = (float3)(0.0f, 0.0f, 1.0f);
+    out.weight = (float3)(0.0f);
+    out.pdf = 0.0f;
+    out.flags = 0u;
+    return out;
+}

@@ -1,0 +1,52 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/portable.cl"
+#include "base/vector.cl"
+#include "base/math.cl"
+#include "base/warp.cl"
+
+// Point of the film, in pixels, for pixel (x, y). Filter importance sampling: samples are spread as the filter
+// weighs them, so that every sample counts the same (Ernst, Stamminger and Greiner 2006).
+static float2 film_point(const uint x, const uint y, const float radius, const float2 u)
+{
+    const float2 center = (float2)((float)x + 0.5f, (float)y + 0.5f);
+#if HAS_CENTER
+    return center;
+#elif HAS_GAUSSIAN
+    // Gaussian of sigma = radius / 4, cut at `radius` (4 sigma): Box-Muller with the radius's distribution cut.
+    const float cut = 0.99966453737f;  // 1 - exp(-8)
+    const float r = 0.25f * radius * sqrt_of(-2.0f * log_of(1.0f - cut * u.x));
+    float s, c;
+    sin_cos(6.2831853071795864f * u.y, &s, &c);
+    return center + (float2)(r * c, r * s);
+#else
+    return center + radius * (2.0f * u - (float2)(1.0f));
+#endif
+}
+
+// Ray through film point `at`; `lens` in [0,1)^2 picks the point on the aperture. Unit direction.
+// Plane coordinates grow from `raster.xy` in steps of `raster.zw`, so no digit is lost on large films.
+static Ray camera_ray(global const Camera *camera, const float2 at, const float2 lens)
+{
+    const float x = fma_of(at.x, camera->raster.z, camera->raster.x);
+    const float y = fma_of(at.y, camera->raster.w, camera->raster.y);
+    const float3 right = xyz(camera->right);
+    const float3 up = xyz(camera->up);
+    const float3 forward = xyz(camera->forward);
+    float3 origin = xyz(camera->origin);
+#if HAS_ORTHOGRAPHIC
+    origin += right * x + up * y;
+    const float3 direction = forward;
+#else
+    float3 direction = right * x + up * y + forward;
+#if HAS_LENS
+    const float2 disk = square_to_disk(lens) * camera->origin.w;
+    const float3 shift = right * disk.x + up * disk.y;
+    direction = direction - shift * camera->right.w;  // w = 1 / focus distance; 0 focuses at infinity
+    origin += shift;
+#endif
+#endif
+    Ray ray;
+    ray.origin = make4(origin, float_of(NONE));
+    ray.direction = make4(normalize3(direction), 0.0f);
+    return ray;
+}

@@ -1,0 +1,115 @@
+#pragma OPENCL FP_CONTRACT OFF
+// The one file with vendor words: arithmetic that every device has, under one name each.
+//
+// PoCL's wheel turns every OpenCL built-in into a call that spills all vector registers and stops the vectoriser, so
+// hot code uses these forms only. Clang's own built-ins become one instruction each on CPUs; elsewhere OpenCL's serve.
+
+#ifndef __has_builtin
+#define __has_builtin(name) 0
+#endif
+
+#if DEVICE_CPU && __has_builtin(__builtin_sqrtf) && __has_builtin(__builtin_ctz)
+#define CLANG_BUILTINS 1
+#else
+#define CLANG_BUILTINS 0
+#endif
+
+// A kernel that is 8 wide by itself loses 6 times its speed if Intel's runtime vectorises it across work-items too.
+#ifdef cl_intel_vec_len_hint
+#define VEC_LEN_HINT __attribute__((intel_vec_len_hint(1)))
+#else
+#define VEC_LEN_HINT
+#endif
+
+static uint bits_of(const float x) { return as_uint(x); }
+static float float_of(const uint bits) { return as_float(bits); }
+
+// By bits: a compiler that assumes finite numbers cannot remove it.
+static int is_finite(const float x) { return (as_uint(x) & 0x7f800000u) != 0x7f800000u; }
+
+static float abs_of(const float x) { return as_float(as_uint(x) & 0x7fffffffu); }
+
+// Smaller and larger of two numbers; where one is NaN the second argument comes back.
+static float min_of(const float a, const float b) { return a < b ? a : b; }
+static float max_of(const float a, const float b) { return a > b ? a : b; }
+static float8 min8(const float8 a, const float8 b) { return a < b ? a : b; }
+static float8 max8(const float8 a, const float8 b) { return a > b ? a : b; }
+
+// NaN stays NaN.
+static float clamp_of(const float x, const float low, const float high)
+{
+    const float above = x < low ? low : x;
+    return above > high ? high : above;
+}
+
+static float sqrt_of(const float x)
+{
+#if CLANG_BUILTINS
+    return __builtin_sqrtf(x);
+#else
+    return sqrt(x);
+#endif
+}
+
+static float floor_of(const float x)
+{
+#if CLANG_BUILTINS
+    return __builtin_floorf(x);
+#else
+    return floor(x);
+#endif
+}
+
+// a b + c rounded once. Where the hardware cannot, a plain sum of products: the forms that use it then keep their
+// exact antisymmetry and lose only digits. The start-up probe reports which of the two a device does.
+static float fma_of(const float a, const float b, const float c)
+{
+#if DEVICE_GPU
+    return fma(a, b, c);
+#else
+#pragma OPENCL FP_CONTRACT ON
+    return a * b + c;
+#endif
+}
+
+static float8 fma8(const float8 a, const float8 b, const float8 c)
+{
+#if DEVICE_GPU
+    return fma(a, b, c);
+#else
+#pragma OPENCL FP_CONTRACT ON
+    return a * b + c;
+#endif
+}
+
+// Bit k is set where lane k of a comparison's result is true.
+static uint movemask8(const int8 lanes)
+{
+#if DEVICE_CPU && __has_builtin(__builtin_ia32_movmskps256)
+    return (uint)__builtin_ia32_movmskps256(as_float8(lanes));
+#else
+    const uint8 bits = as_uint8(lanes) & (uint8)(1u, 2u, 4u, 8u, 16u, 32u, 64u, 128u);
+    const uint4 half_bits = bits.lo | bits.hi;
+    const uint2 quarter = half_bits.lo | half_bits.hi;
+    return quarter.x | quarter.y;
+#endif
+}
+
+// Place of the lowest set bit; x is not zero.
+static uint ctz_of(const uint x)
+{
+#if CLANG_BUILTINS
+    return (uint)__builtin_ctz(x);
+#else
+    return 31u - clz(x & (0u - x));
+#endif
+}
+
+static uint popcount_of(const uint x)
+{
+#if CLANG_BUILTINS
+    return (uint)__builtin_popcount(x);
+#else
+    return popcount(x);
+#endif
+}

@@ -1,0 +1,181 @@
+#pragma OPENCL FP_CONTRACT OFF
+
+// Sample numbers as pure functions of (seed, pixel, sample, set): order, device and resumption change nothing.
+//
+// Every set of dimensions is its own Owen-scrambled four-dimensional sequence with its own shuffled order (padding by
+// hashed Owen scrambling: Burley 2020, JCGT 9(4)). Dimensions 0 and 1 are Sobol's first two. Dimensions 2 and 3 are
+// the two further matrices of Faure's sequence over the field of 4 elements, which join 0 and 1 (Pascal's triangle,
+// powers of 0 and 1) by the powers of w and w^2, with binary digits inside base-4 digits arranged so that
+//   - the first n samples of a pixel are a (0,m,2)-net in the pair (0,1) and in the pair (2,3), for every n = 2^m;
+//   - for n = 4^m all four dimensions together are a (0,m,4)-net in base 4
+// (a (0,4)-sequence made of two (0,2)-sequences, the idea of Ahmed et al. 2024, "SZ sequences"). Sobol's own
+// dimensions 2 and 3 have neither property and need tables; these are a few shifts, which vectorise.
+//
+// Inside, point and index are bit-reversed: bit 0 is the digit of largest value of the point.
+
+typedef struct {
+    uint seed;   // of this pixel
+    uint index;  // sample number
+} Sampler;
+
+// A bijection of 32 bits without visible structure (Wellons 2018, "lowbias32").
+static uint mix_bits(const uint key)
+{
+    uint x = key;
+    x = (x ^ (x >> 16)) * 0x7feb352du;
+    x = (x ^ (x >> 15)) * 0x846ca68bu;
+    return x ^ (x >> 16);
+}
+
+// 24 bits: the largest value is 1 - 2^-24.
+static float unit_float(const uint bits)
+{
+    return (float)(int)(bits >> 8) * 5.9604644775390625e-8f;
+}
+
+static Sampler sampler_of(const uint seed, const uint pixel, const uint sample)
+{
+    Sampler out;
+    out.seed = mix_bits(mix_bits(pixel ^ 0x3c6ef372u) + mix_bits(seed ^ 0xa54ff53au));
+    out.index = sample;
+    return out;
+}
+
+static uint set_seed(const Sampler s, const uint set)
+{
+    return mix_bits(s.seed + set * 0x9e3779b9u);
+}
+
+static uint reverse_bits(const uint key)
+{
+    uint x = key;
+    x = (x << 16) | (x >> 16);
+    x = ((x & 0x00ff00ffu) << 8) | ((x >> 8) & 0x00ff00ffu);
+    x = ((x & 0x0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0fu);
+    x = ((x & 0x33333333u) << 2) | ((x >> 2) & 0x33333333u);
+    return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
+}
+
+// Nested uniform scramble of a reversed number: every bit changes by a hash of the bits below it (Laine and Karras
+// 2011, with Vegdahl's constants of 2021). The seed must be well mixed.
+static uint scramble(const uint key, const uint seed)
+{
+    uint x = key;
+    x ^= x * 0x3d20adeau;
+    x += seed;
+    x *= (seed >> 16) | 1u;
+    x ^= x * 0x05526c56u;
+    x ^= x * 0x53a22864u;
+    return x;
+}
+
+// Multiplication by w, or by w^2 = w + 1, of the 16 elements of GF(4) in a word (w^2 + w + 1 = 0).
+static uint times_w(const uint x)
+{
+    return ((x >> 1) & 0x55555555u) | ((x ^ (x << 1)) & 0xaaaaaaaau);
+}
+
+static uint times_w2(const uint x)
+{
+    return ((x ^ (x >> 1)) & 0x55555555u) | ((x << 1) & 0xaaaaaaaau);
+}
+
+// Pascal's triangle mod 2 within pairs of bits, and between the 16 pairs: together Sobol's second dimension.
+static uint pascal_pairs(const uint x)
+{
+    return x ^ ((x >> 1) & 0x55555555u);
+}
+
+static uint dimension_1(const uint index)
+{
+    uint x = pascal_pairs(index);
+    x ^= (x >> 2) & 0x33333333u;
+    x ^= (x >> 4) & 0x0f0f0f0fu;
+    x ^= (x >> 8) & 0x00ff00ffu;
+    return x ^ (x >> 16);
+}
+
+// Pascal's triangle times powers of w: factors w^(2^level) by Lucas' theorem.
+static uint dimension_2(const uint index)
+{
+    uint x = index;
+    x ^= times_w(x >> 2) & 0x33333333u;
+    x ^= times_w2(x >> 4) & 0x0f0f0f0fu;
+    x ^= times_w(x >> 8) & 0x00ff00ffu;
+    return x ^ times_w2(x >> 16);
+}
+
+static uint dimension_3(const uint index)
+{
+    uint x = index;
+    x ^= times_w2(x >> 2) & 0x33333333u;
+    x ^= times_w(x >> 4) & 0x0f0f0f0fu;
+    x ^= times_w2(x >> 8) & 0x00ff00ffu;
+    return pascal_pairs(x ^ times_w(x >> 16));
+}
+
+static float scrambled_unit(const uint point, const uint seed)
+{
+    return unit_float(reverse_bits(scramble(point, mix_bits(seed))));
+}
+
+static uint shuffled_index(const Sampler s, const uint seed)
+{
+    return reverse_bits(scramble(reverse_bits(s.index), seed));
+}
+
+// Two numbers in [0, 1 - 2^-24] of dimension set `set`.
+static float2 sample_owen_2d(const Sampler s, const uint set)
+{
+    const uint seed = set_seed(s, set);
+    const uint index = shuffled_index(s, seed);
+    return (float2)(scrambled_unit(index, seed + 1u), scrambled_unit(dimension_1(index), seed + 2u));
+}
+
+static float4 sample_owen_4d(const Sampler s, const uint set)
+{
+    const uint seed = set_seed(s, set);
+    const uint index = shuffled_index(s, seed);
+    return (float4)(scrambled_unit(index, seed + 1u), scrambled_unit(dimension_1(index), seed + 2u),
+                    scrambled_unit(dimension_2(index), seed + 3u), scrambled_unit(dimension_3(index), seed + 4u));
+}
+
+// Independent numbers: a bijection of (seed, index, set) to 128 bits (pcg4d: Jarzynski and Olano 2020, JCGT 9(3)).
+static float4 sample_random_4d(const Sampler s, const uint set)
+{
+    uint a = s.seed * 1664525u + 1013904223u;
+    uint b = s.index * 1664525u + 1013904223u;
+    uint c = set * 1664525u + 1013904223u;
+    uint d = 0x9e3779b9u;
+    a += b * d;
+    b += c * a;
+    c += a * b;
+    d += b * c;
+    a ^= a >> 16;
+    b ^= b >> 16;
+    c ^= c >> 16;
+    d ^= d >> 16;
+    a += b * d;
+    b += c * a;
+    c += a * b;
+    d += b * c;
+    return (float4)(unit_float(a), unit_float(b), unit_float(c), unit_float(d));
+}
+
+static float2 sample_2d(const Sampler s, const uint set)
+{
+#if HAS_SOBOL
+    return sample_owen_2d(s, set);
+#else
+    return sample_random_4d(s, set).xy;
+#endif
+}
+
+static float4 sample_4d(const Sampler s, const uint set)
+{
+#if HAS_SOBOL
+    return sample_owen_4d(s, set);
+#else
+    return sample_random_4d(s, set);
+#endif
+}

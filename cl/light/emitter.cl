@@ -1,0 +1,73 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "accel/geometry.cl"
+#include "accel/triangle.cl"
+#include "base/light_sample.cl"
+#include "base/portable.cl"
+#include "base/vector.cl"
+#include "dispatch/shape.cl"
+
+// One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too.
+
+#if HAS_TRIANGLES
+static float3 emitter_corner(const Geometry g, const uint vertex)
+{
+    return xyz(g.vertices[vertex].p);
+}
+#endif
+
+// Point of the primitive with normal, density seen from `from` [1/sr] and error bound.
+static float3 emitter_point(const uint prim, const Geometry g, const float3 from, const float2 u, float3 *ng,
+                            float *pdf, float *error)
+{
+#if HAS_TRIANGLES
+    if (prim < g.triangle_count) {
+        const uint4 v = g.triangles[prim].v;
+        return triangle_sample(emitter_corner(g, v.x), emitter_corner(g, v.y), emitter_corner(g, v.z), from, u, ng,
+                               pdf, error);
+    }
+#endif
+#if HAS_ANALYTIC
+    return shape_sample(g.shapes + (prim - g.triangle_count), from, u, ng, pdf, error);
+#else
+    *ng = (float3)(0.0f, 0.0f, 1.0f);
+    *error = 0.0f;
+    *pdf = 0.0f;
+    return from;
+#endif
+}
+
+// The target is moved off the primitive by its error bound, so that a shadow ray up to t = 1 ends before it.
+static LightSample emitter_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)
+{
+    float3 ng;
+    float pdf, error;
+    const float3 p = emitter_point(l->prim, g, from, u, &ng, &pdf, &error);
+    const float3 to = p - from;
+    const float front = -dot3(ng, to);
+    const int shines = front > 0.0f || (l->extra.x != 0.0f && front < 0.0f);
+    LightSample out;
+    out.to = to + ng * (front > 0.0f ? error : -error);
+    out.radiance = xyz(l->radiance);
+    out.pdf = shines ? pdf : 0.0f;
+    out.delta = 0u;
+    out.infinite = 0u;
+    return out;
+}
+
+// Density [1/sr] of sampling the point `seen` of this light from `from`, in direction wi.
+static float emitter_pdf(global const Light *l, const Geometry g, const float3 from, const Surface seen,
+                         const float3 wi)
+{
+#if HAS_TRIANGLES
+    if (l->prim < g.triangle_count) {
+        const uint4 v = g.triangles[l->prim].v;
+        return triangle_pdf(emitter_corner(g, v.x), emitter_corner(g, v.y), emitter_corner(g, v.z), from, seen.p,
+                            seen.ng, wi);
+    }
+#endif
+#if HAS_ANALYTIC
+    return shape_pdf(g.shapes + (l->prim - g.triangle_count), from, seen.p, seen.ng, wi);
+#else
+    return 0.0f;
+#endif
+}

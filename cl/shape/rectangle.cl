@@ -1,0 +1,26 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/vector.cl"
+#include "accel/flat.cl"
+
+static float rectangle_intersect(global const Shape *s, const float3 o, const float3 d, const float t_max)
+{
+    float2 coords;
+    const float t = flat_intersect(s, o, d, t_max, &coords);
+    return t >= 0.0f && abs_of(coords.x) <= LOCAL_REACH && abs_of(coords.y) <= LOCAL_REACH ? t : NO_HIT;
+}
+
+static void rectangle_surface(global const Shape *s, const float3 o, const float3 d, const float t, Surface *out)
+{
+    flat_surface(s, o, d, t, out);
+}
+
+static float3 rectangle_sample(global const Shape *s, const float3 from, const float2 u, float3 *ng, float *pdf,
+                               float *error)
+{
+    return flat_sample(s, from, 2.0f * u - (float2)(1.0f), 4.0f * flat_quarter(s), ng, pdf, error);
+}
+
+static float rectangle_pdf(global const Shape *s, const float3 from, const float3 p, const float3 ng, const float3 wi)
+{
+    return density_by_area(from, p, ng, 4.0f * flat_quarter(s));
+}

@@ -1,0 +1,19 @@
+#pragma OPENCL FP_CONTRACT OFF
+// State of a path between waves, one slot each: throughput (xyz) with the pdf of its last direction (w), and
+// Path words: x = index in `samples`, y = edges so far | PATH_DELTA, z = pixel, w = sample number.
+
+#define PATH_DELTA 0x80000000u  // the last direction came from a single-direction lobe: no light sampling competes
+#define PATH_EDGES 0x7fffffffu
+
+// Status of a slot after `shade`, read by `partition`
+#define STATUS_ALIVE 1u   // trace its next ray
+#define STATUS_SHADOW 2u  // trace its shadow ray
+#define STATUS_EDGES_SHIFT 8
+
+// Sets of sample dimensions: one for the camera, then two an edge
+#define SET_CAMERA 0u
+#define SET_LIGHT(edge) (2u * (edge) - 1u)
+#define SET_BSDF(edge) (2u * (edge))
+
+#define T_MAX_FREE 3.0e38f  // rays without an end; finite, so that every comparison stays ordered
+#define MISS_AT_ONCE -1.0f  // t_max of slots that hold no ray

@@ -1,0 +1,40 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/portable.cl"
+#include "base/vector.cl"
+#include "base/math.cl"
+#include "base/warp.cl"
+#include "base/sampler.cl"
+#include "base/camera.cl"
+#include "wave/path.cl"
+
+// Fills `count` free slots with camera rays. 64 neighbouring items are one 8x8 tile at one sample, so that rays next
+// to each other in the queue stay next to each other on the image. Race rule: every item owns its slot and its sample.
+__attribute__((reqd_work_group_size(64, 1, 1)))
+kernel void primary(global const Camera *camera, global const Settings *settings, global const uint *queue,
+                    const uint queue_first, const uint first_item, const uint count, const uint first_tile,
+                    const uint first_sample, const uint samples_in_chunk, global Ray *rays,
+                    global float4 *throughput, global uint4 *paths, global float4 *samples)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) {
+        return;
+    }
+    const uint slot = queue[queue_first + i];
+    const uint item = first_item + i;
+    const uint lane = item & 63u;
+    const uint group = item >> 6;
+    const uint sample = first_sample + group % samples_in_chunk;
+    const uint tile = first_tile + group / samples_in_chunk;
+    const uint x = (tile % settings->tiles_x) * 8u + (lane & 7u);
+    const uint y = (tile / settings->tiles_x) * 8u + (lane >> 3);
+    const int inside = x < settings->width && y < settings->height;
+    const uint pixel = y * settings->width + x;
+    const Sampler sampler = sampler_of(settings->seed, pixel, sample);
+    const float4 u = sample_4d(sampler, SET_CAMERA);
+    Ray ray = camera_ray(camera, film_point(x, y, settings->filter_radius, u.xy), u.zw);
+    ray.direction.w = inside ? T_MAX_FREE : MISS_AT_ONCE;
+    rays[slot] = ray;
+    throughput[slot] = (float4)(1.0f, 1.0f, 1.0f, 0.0f);
+    paths[slot] = (uint4)(item, 1u | PATH_DELTA, pixel, sample);
+    samples[item] = (float4)(0.0f);
+}

@@ -1,0 +1,71 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/portable.cl"
+#include "base/vector.cl"
+#include "base/frame.cl"
+#include "base/sampler.cl"
+#include "base/mis.cl"
+#include "accel/geometry.cl"
+#include "accel/surface.cl"
+#include "accel/spawn.cl"
+#include "dispatch/material.cl"
+#include "dispatch/light.cl"
+#include "wave/path.cl"
+#include "wave/vertex.cl"
+
+// One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
+// direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
+// Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
+__attribute__((reqd_work_group_size(64, 1, 1)))
+kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials,
+                  global const Light *lights, global const Settings *settings, global const uint *queue,
+                  const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,
+                  global uint4 *paths, global uint *status, global Ray *shadow_rays, global float4 *shadow_light,
+                  global float4 *samples)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) {
+        return;
+    }
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const uint slot = queue[i];
+    const Ray ray = rays[slot];
+    const Hit hit = hits[slot];
+    uint4 path = paths[slot];
+    const float4 state = throughput[slot];
+    const uint edge = path.y & PATH_EDGES;
+    status[i] = 0u;
+    if (!(ray.direction.w > 0.0f)) {
+        return;
+    }
+    if (hit.prim == NONE) {
+        const float3 sky = environment_seen(lights, settings, g, ray, path.y, state);
+        samples[path.x] += make4(sky, 0.0f);
+        return;
+    }
+    const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
+    samples[path.x] += make4(emission_seen(lights, g, objects, vertex, ray, hit, path.y, state), 1.0f);
+    if (edge >= settings->max_depth || vertex.material->kind == MATERIAL_EMISSIVE) {
+        return;
+    }
+    const Sampler sampler = sampler_of(settings->seed, path.z, path.w);
+    uint next = 0u;
+#if HAS_LIGHTS
+    const float4 light_u = sample_4d(sampler, SET_LIGHT(edge));
+    const ShadowRay direct = sample_direct(lights, settings, g, &vertex, xyz(state), light_u);
+    if (direct.valid) {
+        shadow_rays[slot] = direct.ray;
+        shadow_light[slot] = make4(direct.light, float_of(path.x));
+        next |= STATUS_SHADOW;
+    }
+#endif
+    const float4 u = sample_4d(sampler, SET_BSDF(edge));
+    const NextRay onward = sample_onward(settings, &vertex, xyz(state), edge, u);
+    if (onward.valid) {
+        rays[slot] = onward.ray;
+        throughput[slot] = onward.state;
+        path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u);
+        paths[slot] = path;
+        next |= STATUS_ALIVE;
+    }
+    status[i] = next | (edge << STATUS_EDGES_SHIFT);
+}

@@ -1,0 +1,179 @@
+#pragma OPENCL FP_CONTRACT OFF
+// What happens at one vertex of a path: emission met, light sampled, next direction. Included by wave/shade.cl.
+#include "base/portable.cl"
+#include "base/vector.cl"
+#include "base/frame.cl"
+#include "base/mis.cl"
+#include "accel/geometry.cl"
+#include "accel/surface.cl"
+#include "accel/spawn.cl"
+#include "dispatch/material.cl"
+#include "dispatch/light.cl"
+#include "wave/path.cl"
+
+typedef struct {
+    Surface surface;
+    Frame frame;    // shading frame on the viewer's side, except dielectrics: on the front side
+    float3 wo;      // towards the viewer, in the shading frame
+    float3 normal;  // geometric, on the viewer's side
+    float cos_o;    // of the viewer's direction to the geometric front side
+    global const Material *material;
+} PathVertex;
+
+typedef struct {
+    Ray ray;
+    float3 light;  // what arrives if nothing is in the way, times the path's throughput
+    int valid;
+} ShadowRay;
+
+typedef struct {
+    Ray ray;
+    float4 state;  // throughput; w = pdf of the direction
+    int delta;
+    int valid;
+} NextRay;
+
+static PathVertex vertex_of(const Geometry g, global const Object *objects, global const Material *materials,
+                            const Ray ray, const Hit hit)
+{
+    PathVertex v;
+    v.surface = surface_of(g, ray, hit);
+    v.material = materials + objects[v.surface.object].material;
+    const float3 wo = -normalize3(xyz(ray.direction));
+    v.cos_o = dot3(wo, v.surface.ng);
+    const int back = v.cos_o < 0.0f;
+    v.normal = back ? -v.surface.ng : v.surface.ng;
+    float3 n = v.surface.n;
+#if HAS_DIELECTRIC
+    const int turn = back && v.material->kind != MATERIAL_DIELECTRIC;
+#else
+    const int turn = back;
+#endif
+    n = turn ? -n : n;
+    // A shading normal turned away from the viewer has no meaning there: fall back to the geometric one.
+    const int hidden = !(dot3(n, wo) * (turn || !back ? 1.0f : -1.0f) > 0.0f);
+    n = hidden ? (turn ? v.normal : v.surface.ng) : n;
+    v.frame = frame_of(n);
+    v.wo = to_local(v.frame, wo);
+    return v;
+}
+
+// Weight of light met by chance: full where no light sampling competes.
+static float chance_weight(const uint path_edges, const float pdf, const float light_pdf)
+{
+#if HAS_LOCAL
+    return (path_edges & PATH_DELTA) ? 1.0f : 0.0f;
+#else
+    return (path_edges & PATH_DELTA) ? 1.0f : power_heuristic(pdf, light_pdf);
+#endif
+}
+
+static float3 environment_seen(global const Light *lights, global const Settings *settings, const Geometry g,
+                               const Ray ray, const uint path_edges, const float4 state)
+{
+#if HAS_ENVIRONMENT
+    global const Light *sky = lights + settings->environment;
+    Surface none;
+    const float3 wi = normalize3(xyz(ray.direction));
+    none.p = wi;
+    none.ng = -wi;
+    none.n = -wi;
+    none.uv = (float2)(0.0f);
+    none.error = 0.0f;
+    none.object = NONE;
+    none.prim = NONE;
+    const float pdf = sky->position.w * light_pdf(sky, g, xyz(ray.origin), none, wi);
+    return xyz(state) * xyz(sky->radiance) * chance_weight(path_edges, state.w, pdf);
+#else
+    return (float3)(0.0f);
+#endif
+}
+
+static float3 emission_seen(global const Light *lights, const Geometry g, global const Object *objects,
+                            const PathVertex v, const Ray ray, const Hit hit, const uint path_edges,
+                            const float4 state)
+{
+#if HAS_EMISSIVE
+    if (v.material->kind != MATERIAL_EMISSIVE) {
+        return (float3)(0.0f);
+    }
+    const float3 emitted = material_emit(v.material, v.cos_o);
+    global const Object *object = objects + v.surface.object;
+    const uint index = object->light + (hit.prim - object->first);
+    const float3 wi = normalize3(xyz(ray.direction));
+    const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
+    return xyz(state) * emitted * chance_weight(path_edges, state.w, pdf);
+#else
+    return (float3)(0.0f);
+#endif
+}
+
+// Shadow ray to one light picked by power. The target is exact in the ray: origin plus direction is the light's point.
+static ShadowRay sample_direct(global const Light *lights, global const Settings *settings, const Geometry g,
+                               const PathVertex *v, const float3 throughput, const float4 u)
+{
+    ShadowRay out;
+    out.valid = 0;
+#if HAS_LIGHTS
+    float pick_pdf;
+    const uint index = pick_light(lights, settings->light_count, u.zw, &pick_pdf);
+    const LightSample light = light_sample(lights + index, g, v->surface.p, u.xy);
+    const float3 wi = normalize3(light.to);
+    const float3 wi_local = to_local(v->frame, wi);
+    const float pdf = light.pdf * pick_pdf;
+    const float same_side = dot3(wi, v->normal) * (v->wo.z < 0.0f ? -wi_local.z : wi_local.z);
+    if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
+        return out;
+    }
+    const float3 reflected = material_eval(v->material, v->wo, wi_local);
+#if HAS_LOCAL
+    const float weight = 1.0f;
+#else
+    const float weight = light.delta ? 1.0f : power_heuristic(pdf, material_pdf(v->material, v->wo, wi_local));
+#endif
+    out.light = throughput * reflected * light.radiance * (weight / pdf);
+    const float3 origin = spawn_origin(&v->surface, wi);
+    out.ray.origin = make4(origin, float_of(v->surface.prim));
+    out.ray.direction = light.infinite ? make4(wi, T_MAX_FREE) : make4(light.to - (origin - v->surface.p), 1.0f);
+    out.valid = out.light.x + out.light.y + out.light.z != 0.0f;  // NaN goes on: the film counts it
+#endif
+    return out;
+}
+
+// Next direction by the material, then Russian roulette on the throughput (survivors weigh more).
+static NextRay sample_onward(global const Settings *settings, const PathVertex *v, const float3 throughput,
+                             const uint edge, const float4 u)
+{
+    NextRay out;
+    out.valid = 0;
+    const BsdfSample bsdf = material_sample(v->material, v->wo, u);
+    if (!(bsdf.pdf > 0.0f)) {
+        return out;
+    }
+    const float3 wi = to_world(v->frame, bsdf.wi);
+    const float side = dot3(wi, v->normal);
+    const int passes = (bsdf.flags & BSDF_TRANSMIT) ? side < 0.0f : side > 0.0f;
+    out.delta = (bsdf.flags & BSDF_DELTA) != 0u;
+#if HAS_LOCAL
+    const int wanted = passes && out.delta && edge <= settings->reflection_depth;
+#else
+    const int wanted = passes;
+#endif
+    if (!wanted) {
+        return out;
+    }
+    float3 onward = throughput * bsdf.weight;
+    const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
+    if (settings->roulette_start != 0u && edge >= settings->roulette_start) {
+        const float survival = min_of(strongest, 0.95f);
+        if (!(u.w < survival)) {
+            return out;
+        }
+        onward = onward * (1.0f / survival);
+    }
+    out.state = make4(onward, bsdf.pdf);
+    out.ray.origin = make4(spawn_origin(&v->surface, wi), float_of(v->surface.prim));
+    out.ray.direction = make4(wi, T_MAX_FREE);
+    out.valid = strongest > 0.0f || strongest != strongest;
+    return out;
+}

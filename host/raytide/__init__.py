@@ -1,0 +1,38 @@
+"""raytide: a portable OpenCL compute renderer.
+
+    import raytide as rt
+
+    scene = rt.load("scenes/cornell/cornell.toml")
+    with rt.Renderer(scene, spp=64) as r:
+        r.render().save("cornell.exr")
+
+Names are loaded on first use, so that importing the package touches no device and costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_HOMES = {
+    "raytide.scene": (
+        "Box Camera Dielectric Diffuse Disk Emit Glossy Mesh Mirror Orthographic Plane Rectangle RenderSettings "
+        "RoughConductor Scene Sphere ThinLens box directional disk load mesh plane point rect sky sphere spot"
+    ),
+    "raytide.device": "list_devices pick",
+    "raytide.render": "Film Renderer",
+    "raytide.errors": "DeviceError ImageInvalid RaytideError SceneError UsageError",
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names.split()}
+
+__all__ = sorted(_HOME)  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'raytide' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

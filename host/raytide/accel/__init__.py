@@ -1,0 +1,6 @@
+"""Which tree builder runs, and the packing into 8-wide nodes and leaf blocks."""
+
+from raytide.accel.build import build_tree
+from raytide.accel.tree import FlatGeometry, Tree, TreeStats
+
+__all__ = ["FlatGeometry", "Tree", "TreeStats", "build_tree"]

@@ -1,0 +1,205 @@
+"""The builders of cl/build/ driven on a device."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from raytide.accel.boxes import centers_of, edge_scale, shape_boxes
+from raytide.accel.limits import kernel_constant
+from raytide.accel.morton import grid_scale, refined_order
+from raytide.accel.tree import FlatGeometry
+from raytide.kernels import NONE, RECORDS, Features, assemble
+
+if TYPE_CHECKING:
+    from raytide.device import Buffer, Device
+
+# Primitives per work-item in passes over all of them, and per subtree that one work-item builds alone: large enough
+# to hide the launch on a CPU, small enough to occupy a GPU. The tree does not depend on either.
+_CHUNK = {"gpu": 512}
+_SUBTREE = {"gpu": 128}
+_CHUNK_OTHERWISE = 8192
+_SUBTREE_OTHERWISE = 4096
+_LOCAL = 64
+_DIGITS = 256  # build/radix.cl
+
+
+class DeviceBuilder:
+    """Binary trees by kernels. Every launch is in order; nothing is read back but what the host needs to go on."""
+
+    def __init__(self, geometry: FlatGeometry, device: Device) -> None:
+        self.geometry, self.device = geometry, device
+        source = assemble("build/bvh.cl", Features())
+        self.program = device.build({"bvh": source})["bvh"]
+        self._count = geometry.primitive_count
+        self._chunk = _CHUNK.get(device.kind, _CHUNK_OTHERWISE)
+        self.vertices, self.triangles = device.upload(geometry.vertices), device.upload(geometry.triangles)
+        self._boxes = self._primitive_boxes()
+        self._read_bounds()
+
+    @property
+    def kernel_build_s(self) -> float:
+        """Seconds that compiling took: of the program, and of its kernels at their first launch."""
+        return float(self.program.build_s + self.program.first_launch_s)
+
+    def launch(self, kernel: str, items: int, *arguments: object, local: int = _LOCAL) -> None:
+        """`items` work-items, rounded up to whole groups; kernels take their number as first argument."""
+        size = -(-items // local) * local
+        self.device.launch(self.program, kernel, size, local, np.uint32(items), *arguments, label="build")
+
+    def _primitive_boxes(self) -> Buffer:
+        boxes = self.device.empty(self._count * 32)
+        triangles = len(self.geometry.triangles)
+        if triangles:
+            self.launch("triangle_boxes", triangles, self.vertices, self.triangles, boxes)
+        if self._count > triangles:
+            self.device.write(boxes, shape_boxes(self.geometry), offset=32 * triangles)
+        return boxes
+
+    def _read_bounds(self) -> None:
+        """Low and high doubled centres of all primitives, and the scale of the whole scene."""
+        chunks = -(-self._count // self._chunk)
+        buffer = self.device.empty(chunks * 64)
+        self.launch("scene_boxes", chunks, np.uint32(self._count), np.uint32(self._chunk), self._boxes, buffer, local=1)
+        rows = self.device.read(buffer, np.float32, chunks * 16).reshape(chunks, 2, 8).min(axis=0)
+        self._scale = np.float32(edge_scale(rows[:1])[0])
+        self._low, self._high = rows[1, :3], -rows[1, 4:7]
+
+    def tree(self, builder: str) -> DeviceTree:
+        """The binary tree by "sah" or "lbvh"; "sah" uses up the builder's boxes, so it comes last."""
+        levels = self.device.empty(max(self._count - 1, 1) * 2)
+        ordered = self._sah(levels) if builder == "sah" else self._lbvh(levels)
+        return DeviceTree(self, ordered, levels, self._count, self._scale)
+
+    def _lbvh(self, levels: Buffer) -> Buffer:
+        device, count = self.device, self._count
+        codes, order, ordered = device.empty(count * 8), device.empty(count * 4), device.empty(count * 32)
+        scale = np.float32(grid_scale(self._low, self._high))
+        self.launch("morton_codes", count, *self._low, scale, self._boxes, codes, order)
+        self._sort(codes, order)
+        long_run = device.empty(4)
+        device.fill(long_run, 0, 4)
+        self.launch("morton_order", count, order, codes, self._boxes, ordered, levels, long_run)
+        if device.read(long_run, np.uint32, 1)[0]:
+            self._refine(codes, order, ordered, levels)
+        return ordered
+
+    def _sort(self, keys: Buffer, values: Buffer) -> None:
+        """Stable sort by 63-bit keys, in place: 8 passes of 8 bits end where they began."""
+        device, chunk = self.device, np.uint32(4 * self._chunk)
+        chunks = -(-self._count // int(chunk))
+        other_keys, other_values = device.empty(self._count * 8), device.empty(self._count * 4)
+        histogram, totals = device.empty(chunks * _DIGITS * 4), device.empty(_DIGITS * 4)
+        for shift in range(0, 64, 8):
+            pass_over = np.uint32(self._count), chunk, np.uint32(shift), keys
+            self.launch("radix_count", chunks, *pass_over, histogram, local=1)
+            self.launch("radix_rows", _DIGITS, np.uint32(chunks), histogram, totals)
+            self.launch(
+                "radix_move", chunks, *pass_over, values, histogram, totals, other_keys, other_values, local=1
+            )
+            keys, values, other_keys, other_values = other_keys, other_values, keys, values
+
+    def _refine(self, codes: Buffer, order: Buffer, ordered: Buffer, levels: Buffer) -> None:
+        """Orders runs of equal codes again, on the host: rare."""
+        device, count = self.device, self._count
+        boxes = device.read(self._boxes, np.float32, count * 8).reshape(count, 8)
+        centers = centers_of(boxes)
+        new_order, new_levels = refined_order(
+            device.read(order, np.uint32, count), device.read(codes, np.uint64, count), lambda i: centers[i]
+        )
+        device.write(ordered, boxes[new_order])
+        device.write(levels, new_levels)
+
+    def _sah(self, levels: Buffer) -> Buffer:
+        device, count = self.device, self._count
+        even, odd = self._boxes, device.empty(count * 32)  # the boxes in id order end here
+        limit = max(_SUBTREE.get(device.kind, _SUBTREE_OTHERWISE), kernel_constant("build/sah_subtree.cl", "SWEEP"))
+        tasks, active = [], np.array([[0, count]], np.int64)
+        for depth in range(count):
+            source, target = (even, odd) if depth % 2 == 0 else (odd, even)
+            done = active[:, 1] <= limit
+            small = np.empty((done.sum(), 4), np.uint32)
+            small[:, :2], small[:, 2], small[:, 3] = active[done], depth, depth % 2
+            tasks.append(small)
+            active = active[~done]
+            if not len(active):
+                break
+            active = self._split_level(active, depth, source, target, levels)
+        todo = np.concatenate(tasks)
+        todo = todo[np.argsort(-todo[:, 1].astype(np.int64), kind="stable")]  # long ones first: threads end together
+        self.launch("subtrees", len(todo), device.upload(todo), even, odd, levels, local=1)
+        return even
+
+    def _split_level(self, active: np.ndarray, depth: int, source: Buffer, target: Buffer, levels: Buffer) -> np.ndarray:
+        """Splits all nodes (first, count) of one depth of the SAH tree; gives their children."""
+        device = self.device
+        per_node = -(-active[:, 1] // self._chunk)
+        first_chunk = np.concatenate([[0], np.cumsum(per_node)])
+        nodes = np.zeros((len(active) + 1, 4), np.uint32)
+        nodes[:-1, :2], nodes[:, 2], nodes[:, 3] = active, depth, first_chunk
+        chunks = np.empty((first_chunk[-1], 4), np.uint32)
+        chunks[:, 0] = np.repeat(np.arange(len(active)), per_node)
+        place = (np.arange(len(chunks)) - first_chunk[chunks[:, 0]]) * self._chunk
+        chunks[:, 1], chunks[:, 3] = active[chunks[:, 0], 0] + place, place
+        chunks[:, 2] = np.minimum(self._chunk, active[chunks[:, 0], 1] - place)
+        bins = 3 * kernel_constant("build/bins.cl", "BINS")
+        node_buffer, chunk_buffer = device.upload(nodes), device.upload(chunks)
+        chunk_boxes, frames = device.empty(len(chunks) * 32), device.empty(len(active) * 32)
+        chunk_bins, chunk_counts = device.empty(len(chunks) * bins * 32), device.empty(len(chunks) * bins * 4)
+        splits, before = device.empty(len(active) * 16), device.empty(len(chunks) * 4)
+        self.launch("top_centers", len(chunks), chunk_buffer, source, chunk_boxes, local=1)
+        self.launch("top_frames", len(active), node_buffer, chunk_boxes, frames, local=1)
+        self.launch("top_bins", len(chunks), chunk_buffer, source, frames, chunk_bins, chunk_counts, local=1)
+        self.launch(
+            "top_splits", len(active), node_buffer, chunk_buffer, chunk_bins, chunk_counts, splits, before, levels,
+            local=1,
+        )  # fmt: skip
+        self.launch(
+            "top_partition", len(chunks), node_buffer, chunk_buffer, frames, splits, before, source, target, local=1
+        )
+        left = device.read(splits, np.uint32, len(active) * 4).reshape(-1, 4)[:, 2].astype(np.int64)
+        children = np.stack([active[:, 0], left, active[:, 0] + left, active[:, 1] - left], axis=1)
+        return children.reshape(-1, 2)
+
+
+class DeviceTree:
+    """Binary tree on the device, as raytide.accel.wide.BinaryTree; at least two primitives."""
+
+    def __init__(self, builder: DeviceBuilder, ordered: Buffer, levels: Buffer, count: int, scale: np.float32) -> None:
+        device = builder.device
+        self._builder, self._ordered = builder, ordered
+        self._triangles = np.uint32(len(builder.geometry.triangles))
+        slots, root = device.empty((count - 1) * 4), device.empty(4)
+        device.fill(slots, NONE, (count - 1) * 4)
+        self._boxes, self._costs = device.empty((count - 1) * 32), device.empty((count - 1) * 32)
+        self._ranges = device.empty((count - 1) * 8)
+        builder.launch(
+            "climb", count, self._triangles, scale, ordered, levels, slots, self._boxes, self._costs, self._ranges, root
+        )
+        self.root = int(device.read(root, np.uint32, 1)[0])
+
+    def expand(self, roots: np.ndarray, by_levels: bool) -> np.ndarray:
+        """Names (m, 8) of the wide children of binary nodes (m,)."""
+        device = self._builder.device
+        children = device.empty(len(roots) * 32)
+        self._builder.launch(
+            "expand", len(roots), self._triangles, np.uint32(by_levels), device.upload(roots), self._ordered,
+            self._boxes, self._costs, children,
+        )  # fmt: skip
+        return device.read(children, np.uint32, len(roots) * 8).reshape(-1, 8)
+
+    def pack(self, names: np.ndarray, numbers: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Arrays of Node and Block, read back from the device."""
+        device, node, block = self._builder.device, RECORDS["Node"], RECORDS["Block"]
+        nodes, packed = device.empty(len(names) * node.size), device.empty(len(blocks) * block.size)
+        self._builder.launch(
+            "pack_nodes", len(names), self._triangles, device.upload(names), device.upload(numbers), self._ordered,
+            self._boxes, self._ranges, nodes,
+        )  # fmt: skip
+        if len(blocks):
+            self._builder.launch(
+                "pack_blocks", len(blocks), device.upload(blocks), self._ordered, self._ranges, self._builder.vertices,
+                self._builder.triangles, packed,
+            )  # fmt: skip
+        return device.read(nodes, node.dtype, len(names)), device.read(packed, block.dtype, len(blocks))

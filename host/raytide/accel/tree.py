@@ -1,0 +1,90 @@
+"""What goes into a tree builder and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from raytide.kernels.records import RECORDS
+
+LEAF_BIT = np.uint32(0x80000000)
+ANALYTIC_BIT = np.uint32(0x40000000)
+EMPTY_LOW, EMPTY_HIGH = np.float32(1e30), np.float32(-1e30)
+
+LOW_ROWS = ("lox", "loy", "loz")
+HIGH_ROWS = ("hix", "hiy", "hiz")
+
+
+@dataclass(frozen=True)
+class FlatGeometry:
+    """All that can be hit, in metres relative to the geometry's origin.
+
+    vertices (V, 4) float32, xyz and 0; triangles (T, 4) uint32, three vertices and the object; shapes (S,) of the
+    record Shape, the `plane_count` infinite planes first. Triangle i has primitive id i, shape j has T + j.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    shapes: np.ndarray = field(default_factory=lambda: np.zeros(0, RECORDS["Shape"].dtype))
+    plane_count: int = 0
+
+    @property
+    def primitive_count(self) -> int:
+        """Primitives that belong in the tree: triangles, and shapes other than planes."""
+        return len(self.triangles) + len(self.shapes) - self.plane_count
+
+
+@dataclass(frozen=True)
+class TreeStats:
+    """What was built, by which means, and at what price.
+
+    sah_cost = (sum of the surfaces of all inner nodes and of all leaves) / surface of the root, where a leaf is one
+    block of up to 8 triangles or one shape: the visits that a random line through the root's box pays for, nodes and
+    leaves at 1 each (MacDonald and Booth 1990; Goldsmith and Salmon 1987). Where the root has no surface each counts 1.
+    """
+
+    builder: str  # what ran: "sah", "lbvh" or "none"; another one than was asked for where that tree was too deep
+    place: str  # "device" or "host"
+    nodes: int
+    leaves: int
+    depth: int  # inner nodes from root to leaf, at most
+    sah_cost: float
+    leaf_fill: float  # triangles per block, mean
+    bytes: int
+    bytes_per_triangle: float
+    build_s: float  # wall time of the build without that of compiling kernels
+    kernel_build_s: float  # 0 where no kernel was needed
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The 8-wide tree: nodes and blocks are arrays of the records Node and Block; node 0 is the root.
+
+    Builder "none" gives no nodes, and blocks in order of triangle id.
+    """
+
+    nodes: np.ndarray
+    blocks: np.ndarray
+    stats: TreeStats
+
+
+def node_boxes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corners of all lanes, each (nodes, 8, 3) float32; empty lanes have low > high."""
+    return (
+        np.stack([nodes[row] for row in LOW_ROWS], axis=-1),
+        np.stack([nodes[row] for row in HIGH_ROWS], axis=-1),
+    )
+
+
+def sah_cost(nodes: np.ndarray) -> float:
+    """The cost of TreeStats.sah_cost from packed nodes; 0 for an empty tree."""
+    low, high = node_boxes(nodes)
+    filled = low[..., 0] <= high[..., 0]
+    if not filled.any():
+        return 0.0
+    edge = np.where(filled[..., None], high.astype(np.float64) - low, 0.0)
+    surface = edge[..., 0] * edge[..., 1] + edge[..., 1] * edge[..., 2] + edge[..., 2] * edge[..., 0]
+    span = high[0][filled[0]].max(axis=0).astype(np.float64) - low[0][filled[0]].min(axis=0)
+    root = span[0] * span[1] + span[1] * span[2] + span[2] * span[0]
+    return 1.0 + (float(surface.sum()) / root if root > 0 else float(filled.sum()))

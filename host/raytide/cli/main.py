@@ -1,0 +1,128 @@
+"""`raytide COMMAND ...`: finds the command, and turns every failure into one message and an exit code.
+
+Commands are imported only when they are asked for, so that `raytide --help` starts at once.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cyclopts import App
+    from rich.console import Console
+
+from raytide.errors import RaytideError
+
+# name: where the function or App is, and its line in the help
+COMMANDS = {
+    "render": ("raytide.cli.render:render", "Render a scene file to EXR or PNG."),
+    "scene": ("raytide.cli.scene:app", "Check, describe and convert scene files."),
+    "devices": ("raytide.cli.devices:devices", "List the OpenCL devices."),
+    "doctor": ("raytide.cli.doctor:doctor", "Check drivers, devices and caches, and tell what mends them."),
+    "cache": ("raytide.cli.cache:app", "Show or clear the kernel cache."),
+}
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and give its exit code: 0 ok, 1 run time, 2 usage, 3 no device, 4 image invalid, 130 Ctrl-C."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        return run(words)
+    except RaytideError as error:
+        return failed(str(error), error.exit_code)
+    except KeyboardInterrupt:
+        return failed("interrupted; nothing was written", INTERRUPTED)
+    except BrokenPipeError:  # the reader of stdout went away, as in `raytide devices | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except MemoryError:
+        return unfinished("the host is out of memory", words)
+    except OSError as error:
+        return unfinished(str(error), words)
+    except Exception as error:
+        what = f"unexpected {type(error).__name__}: {error}"
+        return unfinished(f"{what}; please report it with the output of `raytide doctor`", words)
+
+
+def run(words: list[str]) -> int:
+    """Parse `words` and call the command. Raises what the command raises."""
+    if words == ["--version"]:
+        print(version())
+        return 0
+    from cyclopts import CycloptsError
+
+    app = command_app()
+    if not words:
+        app.help_print([], console=people())
+        return 2
+    if not words[0].startswith("-") and words[0] not in COMMANDS:  # cyclopts would load every command to say this
+        from raytide.scene.describe import nearest
+
+        hint = nearest(words[0], list(COMMANDS))
+        wanted = f"wanted one of {', '.join(COMMANDS)}" + (f"; {hint}" if hint else "")
+        return failed(f"came the unknown command {words[0]!r}; {wanted}", 2)
+    try:
+        result = app(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        return failed(f"{' '.join(str(error).split())} (`{help_command(words)}` lists the options)", 2)
+    return result if isinstance(result, int) else 0
+
+
+def command_app() -> App:
+    """The command line's root; commands stay unloaded."""
+    from cyclopts import App
+
+    app = App(
+        name="raytide",
+        help="Portable OpenCL compute renderer: waves of rays, honest errors, stable numbers.",
+        version=version,
+        result_action="return_value",
+        suppress_keyboard_interrupt=False,
+    )
+    for name, (place, line) in COMMANDS.items():
+        app.command(place, name=name, help=line)
+    return app
+
+
+def version() -> str:
+    """The installed version."""
+    from importlib.metadata import PackageNotFoundError
+    from importlib.metadata import version as installed
+
+    try:
+        return f"raytide {installed('raytide')}"
+    except PackageNotFoundError:
+        return "raytide, not installed (run from a checkout)"
+
+
+def people() -> Console:
+    """The console of stderr."""
+    from rich import console
+
+    return console.Console(stderr=True)
+
+
+def help_command(words: Sequence[str]) -> str:
+    """The command whose help fits what was typed."""
+    return f"raytide {words[0]} --help" if words[0] in COMMANDS else "raytide --help"
+
+
+def failed(message: str, code: int) -> int:
+    """Print why and give the exit code back."""
+    sys.stdout.flush()
+    print("\n".join(f"raytide: {line}" for line in message.splitlines() or ["failed"]), file=sys.stderr)
+    return code
+
+
+def unfinished(message: str, words: Sequence[str]) -> int:
+    """A run-time failure; the traceback only for those who asked with -v."""
+    if "-v" in words or "--verbose" in words:
+        import traceback
+
+        traceback.print_exc()
+        return failed(message, 1)
+    return failed(f"{message} (-v shows where)", 1)

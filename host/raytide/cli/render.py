@@ -1,0 +1,228 @@
+"""`raytide render SCENE -o OUT`: one picture from a scene file."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from raytide.cli.config import HOST, Settings, environment, gather
+from raytide.cli.options import check_outputs, with_render_keys
+from raytide.cli.progress import Progress, progress_for, set_up_logging
+from raytide.cli.signals import SIGNALS, Interrupted, StopOnSignal
+from raytide.errors import ImageInvalid, UsageError
+
+if TYPE_CHECKING:
+    from raytide.render import Film, Renderer
+    from raytide.scene.scene import Scene
+
+MOST_EXCLUDED = 1e-4  # share of samples that may be left out as non-finite or negative before the picture is invalid
+
+
+@dataclass
+class Job:
+    """What one render was asked for, and the seconds that the command itself spent."""
+
+    scene: Path
+    outputs: list[Path]
+    report: Path | None
+    overrides: list[str]
+    allow_outside: bool
+    everything: bool
+    half: bool
+    exposure: float
+    no_clobber: bool
+    quiet: bool
+    log_json: bool
+    times: dict[str, float] = field(default_factory=dict)
+
+    def timed(self, stage: str, begun: float) -> None:
+        """Note a stage that began at `begun` (perf_counter) and ends now."""
+        self.times[stage] = self.times.get(stage, 0.0) + time.perf_counter() - begun
+
+
+@with_render_keys
+def render(
+    scene: Annotated[Path, Parameter(help="scene file, .toml or .json")],
+    /,
+    *,
+    output: Annotated[
+        list[Path] | None, Parameter(name=["--output", "-o"], negative="", help=".exr or .png; may be repeated")
+    ] = None,
+    size: Annotated[str | None, Parameter(help="picture size, such as 640x360; default: the scene's")] = None,
+    device: Annotated[str | None, Parameter(help=f"{HOST['device']}; `raytide devices` lists them")] = None,
+    threads: Annotated[str | None, Parameter(help=f"of a CPU device: {HOST['threads']}; default: all")] = None,
+    memory: Annotated[str | None, Parameter(help=f"{HOST['memory']}; default: by the device")] = None,
+    changes: Annotated[
+        list[str] | None,
+        Parameter(name="--set", negative="", help="key.path=value put over the scene; may be repeated"),
+    ] = None,
+    report: Annotated[Path | None, Parameter(help="write times, rates, memory and what was left out, as JSON")] = None,
+    everything: Annotated[bool, Parameter(negative="", help="leave nothing out of the kernels, to compare")] = False,
+    explain: Annotated[
+        bool, Parameter(negative="", help="show each setting's value and origin; without -o render nothing")
+    ] = False,
+    allow_outside: Annotated[bool, Parameter(negative="", help="let the scene name files outside its folder")] = False,
+    half: Annotated[bool, Parameter(negative="", help="EXR: beauty and albedo as half floats")] = False,
+    exposure: Annotated[float, Parameter(help="PNG: stops")] = 0.0,
+    no_clobber: Annotated[bool, Parameter(negative="", help="refuse to replace a file")] = False,
+    quiet: Annotated[bool, Parameter(negative="", help="only errors on stderr")] = False,
+    verbose: Annotated[bool, Parameter(name=["--verbose", "-v"], negative="", help="all messages")] = False,
+    log_json: Annotated[bool, Parameter(negative="", help="stderr as JSON lines")] = False,
+    **keys: Any,
+) -> int:
+    """Render SCENE and write it to every -o file. The files' names go to stdout, all else to stderr.
+
+    Ctrl-C or SIGTERM finishes the wave, saves what there is and exits with 130 or 143.
+    """
+    logger = set_up_logging(quiet=quiet, verbose=verbose, as_json=log_json)
+    outputs = output or []
+    if not outputs and not explain:
+        raise UsageError("no output: give at least one -o FILE.exr or -o FILE.png")
+    check_outputs(outputs, report, no_clobber)
+    settings = gather({**keys, "size": size, "device": device, "threads": threads, "memory": memory}, environment())
+    for warning in settings.warnings:
+        logger.warning(warning)
+    job = Job(
+        scene, outputs, report, changes or [], allow_outside, everything, half, exposure, no_clobber, quiet, log_json
+    )
+    job.times["start"] = process_age()
+    with StopOnSignal() as signals:
+        try:
+            loaded = load_scene(job, settings)
+            if explain:
+                show_explanation(loaded, settings, job)
+            return render_scene(job, loaded, settings, signals) if outputs else 0
+        except Interrupted:
+            print(f"raytide: {SIGNALS[signals.number or 2]}; nothing was written", file=sys.stderr)
+            return signals.exit_code
+
+
+def load_scene(job: Job, settings: Settings) -> Scene:
+    """The scene with all layers put over it. Raises SceneError."""
+    begun = time.perf_counter()
+    from raytide.scene.load import load
+
+    job.timed("import", begun)
+    begun = time.perf_counter()
+    scene = load(job.scene, allow_outside=job.allow_outside, layers=settings.layers, overrides=job.overrides)
+    job.timed("load", begun)
+    return scene
+
+
+def show_explanation(scene: Scene, settings: Settings, job: Job) -> None:
+    """To stdout as the command's data, or to stderr where a render follows."""
+    from raytide.cli.explain import explanation
+
+    print(explanation(scene, settings, job.overrides), file=sys.stderr if job.outputs else sys.stdout)
+
+
+def render_scene(job: Job, scene: Scene, settings: Settings, signals: StopOnSignal) -> int:
+    """Render, save, report; the exit code. Raises RaytideError."""
+    with open_renderer(job, scene, settings) as renderer:
+        progress = progress_for(scene.render.spp, quiet=job.quiet, as_json=job.log_json)
+        signals.attach(renderer.stop, progress.say)
+        try:
+            film = last_film(renderer, progress)
+        finally:
+            progress.close()
+        if not has_picture(film):
+            print("raytide: stopped before the first samples; nothing was written", file=sys.stderr)
+            return signals.exit_code or 1
+        save(job, film)
+        if job.report:
+            write_report(job, renderer)
+        if not job.quiet:
+            print(summary(scene, film, signals, job.log_json), file=sys.stderr)
+        print(*job.outputs, sep="\n", flush=True)
+        check_health(renderer, film)
+    return signals.exit_code
+
+
+def open_renderer(job: Job, scene: Scene, settings: Settings) -> Renderer:
+    """The renderer with everything built, before the first wave."""
+    begun = time.perf_counter()
+    from raytide.render import Renderer
+
+    job.timed("import", begun)
+    host = {key: setting.value for key, setting in settings.host.items()}
+    return Renderer(scene, host["device"], memory=host["memory"], threads=host["threads"], everything=job.everything)
+
+
+def last_film(renderer: Renderer, progress: Progress) -> Film:
+    """Run all passes, showing each."""
+    for film in renderer.passes():
+        progress.show(film.stats)
+    return renderer.film
+
+
+def has_picture(film: Film) -> bool:
+    """Whether any pixel has a sample: a pass that was stopped counts none as finished, but may have some."""
+    return film.spp > 0 or bool(film.samples.any())
+
+
+def save(job: Job, film: Film) -> None:
+    """Write every output file."""
+    from raytide.render.film import LAYERS
+
+    begun = time.perf_counter()
+    for path in job.outputs:
+        film.save(path, aovs=LAYERS, half=job.half, exposure=job.exposure, no_clobber=job.no_clobber)
+    job.timed("write", begun)
+
+
+def write_report(job: Job, renderer: Renderer) -> None:
+    """The renderer's report with the command and its own times, as JSON."""
+    from raytide.image import replacing
+
+    assert job.report is not None
+    report = renderer.report()
+    report["times_s"] = {**job.times, **report.get("times_s", {})}
+    report["command"] = shlex.join(["raytide", *sys.argv[1:]])
+    report["outputs"] = [str(path) for path in job.outputs]
+    with replacing(job.report, no_clobber=job.no_clobber) as file:
+        file.write(json.dumps(report, indent=2).encode() + b"\n")
+
+
+def summary(scene: Scene, film: Film, signals: StopOnSignal, as_json: bool) -> str:
+    """`raytide: 256x256, 64 spp in 3.21 s, 12.3 Mrays/s, estimated relMSE 8.0e-04 on pocl-3.0rc2/cpu0`."""
+    stats = film.stats
+    if as_json:
+        named = ("spp", "seconds", "rays", "mrays_per_s", "error", "device")
+        row = {key: stats.get(key) for key in named} | {"size": list(scene.camera.size), "partial": bool(signals.number)}
+        return json.dumps({"event": "done"} | row)
+    width, height = scene.camera.size
+    parts = [f"{width}x{height}", f"{film.spp} spp in {stats.get('seconds', 0.0):.2f} s"]
+    parts.append(f"{stats.get('mrays_per_s', 0.0):.1f} Mrays/s")
+    error = stats.get("error")
+    parts.append("error unknown (2 spp and more tell it)" if error is None else f"estimated relMSE {error:.2e}")
+    partial = f" (partial: {SIGNALS[signals.number]})" if signals.number else ""
+    return f"raytide: {', '.join(parts)} on {stats.get('device', 'an unnamed device')}{partial}"
+
+
+def check_health(renderer: Renderer, film: Film) -> None:
+    """Refuse to call a picture good when too many of its samples had to be left out. Raises ImageInvalid."""
+    excluded = sum(renderer.health().values())
+    total = excluded + int(film.samples.sum())
+    if excluded > MOST_EXCLUDED * total:
+        raise ImageInvalid(
+            f"{excluded} of {total} samples were non-finite or negative and were left out; "
+            f"the picture was written but must not be trusted (limit {MOST_EXCLUDED:.0e} of the samples)"
+        )
+
+
+def process_age() -> float:
+    """Seconds since the process started; where the system does not tell, its CPU time so far."""
+    try:
+        fields = Path("/proc/self/stat").read_text().rsplit(")", 1)[1].split()
+        started = int(fields[19]) / os.sysconf("SC_CLK_TCK")
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - started
+    except (OSError, AttributeError, IndexError, ValueError):
+        return time.process_time()

@@ -1,0 +1,184 @@
+"""Programs for one device: from the checked cache where they are there, else compiled side by side and kept."""
+
+from __future__ import annotations
+
+import os
+import queue
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, Protocol
+
+from raytide.device.cache import FileCache
+from raytide.device.compile import Compiled, binary_key, compile_text, load_binary
+from raytide.device.environment import log
+from raytide.device.info import DeviceInfo
+from raytide.device.worker import Worker, WorkerDied
+
+_MOST_WORKERS = 8  # each needs about 150 MB
+
+
+class SourceLike(Protocol):
+    """What a program is made of; kernels.Source is one."""
+
+    @property
+    def text(self) -> str: ...
+    @property
+    def sha256(self) -> str: ...
+
+
+@dataclass
+class Program:
+    """A built program. Times in seconds; `cache` is "hit" or "miss"; `log` is what the compiler said."""
+
+    name: str
+    sha256: str
+    raw: Any = field(repr=False)
+    build_s: float = 0.0
+    cache: str = "miss"
+    log: str = ""
+    first_launch_s: float = 0.0  # host time of the first launch of each kernel beyond its device time
+    kernels: dict[str, Any] = field(default_factory=dict, repr=False)
+
+
+Progress = Callable[[Program], None]
+
+
+class Builder:
+    """Builds programs for one open device and keeps its compiling children."""
+
+    def __init__(self, cl: ModuleType, context: Any, handle: Any, info: DeviceInfo, options: tuple[str, ...]) -> None:
+        self._cl, self._context, self._handle = cl, context, handle
+        self._info, self._options = info, options
+        self._cache = FileCache("kernels")
+        self._idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
+        self._busy: set[Worker] = set()
+        self._stopped = False  # an interrupt: no child is started or tried again
+
+    def build(self, sources: Mapping[str, SourceLike], progress: Progress | None = None) -> dict[str, Program]:
+        """Every program by its name. Raises BuildFailure with the compiler's message, WorkerDied on a crash."""
+        self._stopped = False
+        done: dict[str, Program] = {}
+        missing: dict[str, SourceLike] = {}
+        for name, source in sources.items():
+            program = self._from_cache(name, source)
+            if program is None:
+                missing[name] = source
+                continue
+            done[name] = program
+            if progress:
+                progress(program)
+        for program in self._compile_all(missing):
+            done[program.name] = program
+            if progress:
+                progress(program)
+        self._cache.report_damage()
+        return {name: done[name] for name in sources}
+
+    def close(self) -> None:
+        """Let the compiling children go."""
+        while not self._idle.empty():
+            self._idle.get().close()
+
+    def _from_cache(self, name: str, source: SourceLike) -> Program | None:
+        start = time.perf_counter()
+        key = binary_key(self._info, self._options, source.sha256)
+        entry = self._cache.get(key)
+        if entry is None:
+            return None
+        raw = load_binary(self._cl, self._context, self._handle, entry.payload)
+        if raw is None:
+            self._cache.drop(key)
+            return None
+        return Program(name, source.sha256, raw, time.perf_counter() - start, "hit", entry.facts.get("log", ""))
+
+    def _compile_all(self, sources: Mapping[str, SourceLike]) -> Iterator[Program]:
+        """Compile the longest texts first, each in a thread of its own that waits for a child or the driver."""
+        if not sources:
+            return
+        names = sorted(sources, key=lambda name: -len(sources[name].text))
+        pool = ThreadPoolExecutor(_workers(len(names)))
+        try:
+            jobs = [pool.submit(self._compile, name, sources[name]) for name in names]
+            for job in jobs:
+                yield job.result()
+        except BaseException as error:
+            pool.shutdown(wait=False, cancel_futures=True)
+            if not isinstance(error, Exception):
+                self._stop()
+            raise
+        pool.shutdown()
+
+    def _stop(self) -> None:
+        """After Ctrl-C: end the children at once, or the process would wait for them."""
+        self._stopped = True
+        for worker in list(self._busy):
+            worker.kill()
+
+    def _compile(self, name: str, source: SourceLike) -> Program:
+        raw = None
+        if _in_children(self._info):
+            done = self._in_child(name, source.text)
+            raw = load_binary(self._cl, self._context, self._handle, done.binary)
+        if raw is None:
+            raw, done = compile_text(
+                self._cl, self._context, self._handle, self._info, name, source.text, self._options
+            )
+        facts = {"name": name, "device": self._info.id, "log": done.log, "build_s": round(done.build_s, 4)}
+        self._cache.put(binary_key(self._info, self._options, source.sha256), facts, done.binary)
+        return Program(name, source.sha256, raw, done.build_s, "miss", done.log)
+
+    def _in_child(self, name: str, text: str) -> Compiled:
+        """Compile in a child; a crash is tried once more in a fresh one."""
+        try:
+            with self._worker() as worker:
+                return worker.compile(name, text, self._options)
+        except WorkerDied as death:
+            if self._stopped:
+                raise
+            log.warning("%s; trying once more", death)
+        with self._worker() as worker:
+            return worker.compile(name, text, self._options)
+
+    @contextmanager
+    def _worker(self) -> Iterator[Worker]:
+        """An idle child that still lives, or a new one; a broken one is not given back."""
+        worker = None
+        while worker is None and not self._idle.empty():
+            worker = self._idle.get()
+            if not worker.alive:
+                worker.close()
+                worker = None
+        worker = worker or Worker(self._info)
+        self._busy.add(worker)
+        try:
+            yield worker
+        except WorkerDied:
+            worker.close()
+            raise
+        except BaseException:
+            self._idle.put(worker)
+            raise
+        else:
+            self._idle.put(worker)
+        finally:
+            self._busy.discard(worker)
+
+
+def _in_children(info: DeviceInfo) -> bool:
+    """PoCL compiles one program at a time in a process and may abort it; other drivers do neither."""
+    return info.kind == "pocl" and bool(sys.executable) and os.environ.get("RAYTIDE_BUILD_WORKERS") != "0"
+
+
+def _workers(programs: int) -> int:
+    """Side by side: as many as there are programs and processors, at most 8; RAYTIDE_BUILD_WORKERS sets another limit."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        limit = max(1, int(os.environ["RAYTIDE_BUILD_WORKERS"]))
+    except (KeyError, ValueError):
+        limit = min(allowed, _MOST_WORKERS)
+    return min(programs, limit)

@@ -1,0 +1,59 @@
+"""Every error that raytide shows to people. The command line prints the text and exits with `exit_code`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+class RaytideError(Exception):
+    """A failure with a message that is complete for the reader: what happened and what to do next."""
+
+    exit_code = 1
+
+
+class UsageError(RaytideError):
+    """A wrong command line, option or configuration value."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong in one input: where, what came, what was wanted, and the nearest right word."""
+
+    key: str
+    came: str
+    wanted: str
+    file: str | None = None
+    line: int | None = None
+    hint: str | None = None
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        text = f"{place}: " if place else ""
+        text += f"{self.key}: " if self.key else ""
+        text += f"came {self.came}; wanted {self.wanted}"
+        return text + (f"; {self.hint}" if self.hint else "")
+
+
+class SceneError(RaytideError):
+    """A scene that cannot be rendered, with all its problems at once."""
+
+    exit_code = 2
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = list(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class DeviceError(RaytideError):
+    """No usable device, or one that refused what was asked of it."""
+
+    exit_code = 3
+
+
+class ImageInvalid(RaytideError):
+    """A picture that must not be trusted, for example one with too many non-finite samples."""
+
+    exit_code = 4

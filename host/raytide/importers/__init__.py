@@ -1,0 +1,1 @@
+"""Reading files that others wrote: bounded bytes, and geometry as plain arrays."""

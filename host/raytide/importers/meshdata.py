@@ -1,0 +1,122 @@
+"""Triangles as plain arrays, cleaned: what every geometry reader returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytide.errors import Problem, SceneError
+from raytide.importers.limits import LARGEST, MOST_TRIANGLES, MOST_VERTICES, SMALLEST
+
+SLIVER = 1e-15  # area over longest edge squared below which float64 corners are collinear
+
+
+@dataclass(frozen=True)
+class MeshData:
+    """A triangle mesh in its own space; the front is where corners run counter-clockwise.
+
+    vertices (V, 3) float64, finite; triangles (T, 3) uint32, in range, none of zero area; normals (V, 3) float64, unit
+    or zero where the file gives none, or None; uv (V, 2) float64 or None; warnings: what was dropped or ignored.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    normals: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+    @classmethod
+    def inline(cls, vertices: Any, triangles: Any) -> MeshData:
+        """A mesh given as arrays, (V, 3) and (T, 3). Raises SceneError for an index out of range."""
+        return clean(np.asarray(vertices, np.float64), np.asarray(triangles, np.int64))
+
+
+def refuse(came: str, wanted: str, path: Path | None = None, hint: str | None = None) -> SceneError:
+    """The error of a geometry file."""
+    name = str(path) if path is not None and str(path).isprintable() else ascii(str(path)) if path else None
+    return SceneError([Problem("", came, wanted, file=name, hint=hint)])
+
+
+def clean(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    normals: np.ndarray | None = None,
+    uv: np.ndarray | None = None,
+    warnings: tuple[str, ...] = (),
+) -> MeshData:
+    """Check indices; drop, count and report what has no place in a tree.
+
+    Dropped: triangles with a corner that is not finite or beyond LARGEST, and triangles of zero area. Raises SceneError
+    for indices out of range, for too much of anything, and where nothing of what was given remains.
+    """
+    if len(vertices) > MOST_VERTICES or len(triangles) > MOST_TRIANGLES:
+        came = f"{len(vertices):,} vertices and {len(triangles):,} triangles"
+        raise refuse(came, f"at most {MOST_VERTICES:,} and {MOST_TRIANGLES:,}")
+    _check_indices(triangles, len(vertices))
+    notes = list(warnings)
+    given = len(triangles)
+    sound = (np.abs(vertices) <= LARGEST).all(axis=1)  # false for NaN
+    if not sound.all():
+        kept = sound[triangles].all(axis=1) if given else np.zeros(0, bool)
+        notes.append(
+            f"dropped {np.count_nonzero(~sound)} vertices that are not finite or beyond {LARGEST:g}, "
+            f"and {np.count_nonzero(~kept)} triangles that use them"
+        )
+        triangles = triangles[kept]
+        vertices = np.where(sound[:, None], vertices, 0.0)
+    longest = longest_edges(vertices, triangles)
+    if (longest < SMALLEST).any():
+        notes.append(f"{np.count_nonzero(longest < SMALLEST)} triangles are smaller than {SMALLEST:g}: scale them up")
+    flat = has_no_area(vertices, triangles)
+    if flat.any():
+        notes.append(f"dropped {np.count_nonzero(flat)} triangles of zero area")
+        triangles = triangles[~flat]
+    if given and not len(triangles):
+        raise refuse(f"no usable triangle ({'; '.join(notes)})", "at least one triangle of finite, non-zero area")
+    if not given:
+        notes.append("the mesh has no triangles")
+    normals, notes = _clean_normals(normals, notes)
+    return MeshData(vertices, triangles.astype(np.uint32), normals, uv, tuple(notes))
+
+
+def _check_indices(triangles: np.ndarray, count: int) -> None:
+    if not len(triangles):
+        return
+    wrong = np.flatnonzero(((triangles < 0) | (triangles >= count)).any(axis=1))
+    if len(wrong):
+        row = int(wrong[0])
+        came = f"triangle {row} with the indices {triangles[row].tolist()}"
+        raise refuse(came, f"indices from 0 to {count - 1}" if count else "indices of vertices (there is none)")
+
+
+def longest_edges(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(T,) length of each triangle's longest edge."""
+    a, b, c = (vertices[triangles[:, corner].astype(np.intp)] for corner in range(3))
+    return np.sqrt(np.max([((b - a) ** 2).sum(1), ((c - a) ** 2).sum(1), ((c - b) ** 2).sum(1)], axis=0))
+
+
+def has_no_area(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(T,) bool: corners that coincide or lie on one line, up to float64 rounding."""
+    a, b, c = (vertices[triangles[:, corner].astype(np.intp)] for corner in range(3))
+    longest = longest_edges(vertices, triangles)
+    scale = np.where(longest > 0, longest, 1.0)[:, None]
+    area = np.linalg.norm(np.cross((b - a) / scale, (c - a) / scale), axis=1)
+    return ~(area > SLIVER)
+
+
+def _clean_normals(normals: np.ndarray | None, notes: list[str]) -> tuple[np.ndarray | None, list[str]]:
+    """Unit rows; those that are not finite or zero become zero: the geometric normal stands in."""
+    if normals is None:
+        return None, notes
+    normals = np.asarray(normals, np.float64)
+    sound = (np.abs(normals) <= LARGEST).all(axis=1)
+    safe = np.where(sound[:, None], normals, 0.0)
+    length = np.linalg.norm(safe, axis=1)
+    usable = length > 0
+    if not usable.all():
+        notes = [*notes, f"{np.count_nonzero(~usable)} vertex normals are zero or not finite and are not used"]
+    unit = np.divide(safe, length[:, None], out=np.zeros_like(safe), where=usable[:, None])
+    return unit, notes

@@ -1,0 +1,124 @@
+"""Generated OpenCL C: parameter structs of materials, and switches over only the kinds that a scene has.
+
+Adding a material, shape or light touches nothing here: its file in `cl/` and its model class are enough.
+"""
+
+from __future__ import annotations
+
+from raytide.kernels.features import Features
+
+_MATERIAL_FUNCTIONS = {
+    # name: (return type, further parameters, further arguments, value where the kind is unknown)
+    "sample": ("BsdfSample", "const float3 wo, const float4 u", "wo, u", "no_bsdf_sample()"),
+    "eval": ("float3", "const float3 wo, const float3 wi", "wo, wi", "(float3)(0.0f)"),
+    "pdf": ("float", "const float3 wo, const float3 wi", "wo, wi", "0.0f"),
+    "albedo": ("float3", "", "", "(float3)(0.0f)"),
+}
+
+
+def text(name: str, features: Features) -> str | None:
+    """Text of the virtual file `dispatch/GROUP.cl`; None for every other name."""
+    makers = {"dispatch/material.cl": _material, "dispatch/shape.cl": _shape, "dispatch/light.cl": _light}
+    return makers[name](features) if name in makers else None
+
+
+def type_name(kind: str) -> str:
+    """C type of a kind's parameters: rough_conductor -> RoughConductor."""
+    return "".join(part.capitalize() for part in kind.split("_"))
+
+
+def parameters_text(features: Features) -> str:
+    """One struct and one loader for each material kind present; loads the record's floats in declared order."""
+    out = []
+    for kind, parameters in features.materials:
+        members, loads, place = [], [], 0
+        for name, width in parameters:
+            if width not in (1, 3):
+                raise ValueError(f"{kind}.{name}: a parameter has 1 or 3 floats, not {width}")
+            members.append(f"    {'float3' if width == 3 else 'float'} {name};")
+            words = ", ".join(f"m->p{i // 4}.s{i % 4}" for i in range(place, place + width))
+            loads.append(f"    out.{name} = {f'(float3)({words})' if width == 3 else words};")
+            place += width
+        if place > 16:
+            raise ValueError(f"material {kind} has {place} floats; a record holds 16")
+        name = type_name(kind)
+        out.append(
+            f"typedef struct {{\n{chr(10).join(members)}\n}} {name};\n"
+            f"static {name} load_{kind}(global const Material *m)\n{{\n    {name} out;\n"
+            + "\n".join(loads)
+            + "\n    return out;\n}\n"
+        )
+    return "\n".join(out)
+
+
+def _switch(value: str, group: str, kinds: tuple[str, ...], call: str, otherwise: str) -> str:
+    lines = [f"    switch ({value}) {{"]
+    lines += [f"    case {group}_{kind.upper()}: return {call.format(kind=kind)};" for kind in kinds]
+    lines += [f"    default: return {otherwise};", "    }"]
+    return "\n".join(lines)
+
+
+def _material(features: Features) -> str:
+    present = features.material_kinds
+    out = ['#include "base/bsdf.cl"'] + [f'#include "material/{kind}.cl"' for kind in present]
+    for function, (result, parameters, arguments, otherwise) in _MATERIAL_FUNCTIONS.items():
+        tail = f", {parameters}" if parameters else ""
+        call = f"{{kind}}_{function}(load_{{kind}}(m){', ' + arguments if arguments else ''})"
+        out.append(
+            f"static {result} material_{function}(global const Material *m{tail})\n{{\n"
+            + _switch("m->kind", "MATERIAL", present, call, otherwise)
+            + "\n}"
+        )
+    emits = "emissive_emit(load_emissive(m), cos_o)" if "emissive" in present else "(float3)(0.0f)"
+    out.append(
+        "static float3 material_emit(global const Material *m, const float cos_o)\n{\n"
+        f"    return m->kind == MATERIAL_EMISSIVE ? {emits} : (float3)(0.0f);\n}}"
+    )
+    return "\n".join(out) + "\n"
+
+
+def _shape(features: Features) -> str:
+    present = features.shapes
+    sampled = tuple(kind for kind in present if kind != "plane")
+    out = [f'#include "shape/{kind}.cl"' for kind in present]
+    out.append(
+        "static float shape_intersect(global const Shape *s, const float3 o, const float3 d, const float t_max)\n{\n"
+        + _switch("s->kind", "SHAPE", present, "{kind}_intersect(s, o, d, t_max)", "NO_HIT")
+        + "\n}"
+    )
+    cases = "\n".join(f"    case SHAPE_{k.upper()}: {k}_surface(s, o, d, t, out); break;" for k in present)
+    out.append(
+        "static void shape_surface(global const Shape *s, const float3 o, const float3 d, const float t,\n"
+        f"                          Surface *out)\n{{\n    switch (s->kind) {{\n{cases}\n    default: break;\n    }}\n}}"
+    )
+    out.append(
+        "static float3 shape_sample(global const Shape *s, const float3 from, const float2 u, float3 *ng,\n"
+        "                           float *pdf, float *error)\n{\n    *pdf = 0.0f;\n"
+        + _switch("s->kind", "SHAPE", sampled, "{kind}_sample(s, from, u, ng, pdf, error)", "(float3)(0.0f)")
+        + "\n}"
+    )
+    out.append(
+        "static float shape_pdf(global const Shape *s, const float3 from, const float3 p, const float3 ng,\n"
+        "                       const float3 wi)\n{\n"
+        + _switch("s->kind", "SHAPE", sampled, "{kind}_pdf(s, from, p, ng, wi)", "0.0f")
+        + "\n}"
+    )
+    return "\n".join(out) + "\n"
+
+
+def _light(features: Features) -> str:
+    present = features.lights
+    hit = tuple(kind for kind in present if kind in ("emitter", "environment"))
+    out = ['#include "base/light_sample.cl"', '#include "light/pick.cl"']
+    out += [f'#include "light/{kind}.cl"' for kind in present]
+    out.append(
+        "static LightSample light_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)\n"
+        "{\n" + _switch("l->kind", "LIGHT", present, "{kind}_sample(l, g, from, u)", "no_light_sample()") + "\n}"
+    )
+    out.append(
+        "static float light_pdf(global const Light *l, const Geometry g, const float3 from, const Surface s,\n"
+        "                       const float3 wi)\n{\n"
+        + _switch("l->kind", "LIGHT", hit, "{kind}_pdf(l, g, from, s, wi)", "0.0f")
+        + "\n}"
+    )
+    return "\n".join(out) + "\n"

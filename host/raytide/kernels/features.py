@@ -1,0 +1,72 @@
+"""The closed set of switches that a scene turns on. They follow kinds and keys that a scene declares, never values.
+
+The same set decides which source is pasted, which buffers exist and which waves run; the ledger lists what is off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cache
+
+from raytide.kernels.paths import kernel_dir
+
+Parameters = tuple[tuple[str, int], ...]
+
+
+@cache
+def kinds(group: str) -> tuple[str, ...]:
+    """All kinds of a group ("material", "shape", "light"): the files of that folder. A kind's number is its place."""
+    helpers = {"pick"}
+    return tuple(sorted(p.stem for p in (kernel_dir() / group).glob("*.cl") if p.stem not in helpers))
+
+
+def kind_number(group: str, kind: str) -> int:
+    """The number that stands for `kind` in records; ValueError where no such kernel file exists."""
+    return kinds(group).index(kind)
+
+
+@dataclass(frozen=True)
+class Features:
+    """What one scene needs of the kernels.
+
+    `materials` pairs each kind with its device parameters (name, number of floats) in the order of packing.
+    """
+
+    materials: tuple[tuple[str, Parameters], ...] = ()
+    shapes: tuple[str, ...] = ()
+    lights: tuple[str, ...] = ()
+    triangles: bool = True  # any triangle mesh
+    smooth: bool = False  # vertex normals
+    tree: bool = True  # off: brute force
+    lens: bool = False  # thin lens
+    orthographic: bool = False
+    gaussian: bool = False  # pixel filter, else box or centre
+    center: bool = False  # every ray through the exact pixel centre
+    local: bool = False  # integrator local, else path
+    sobol: bool = True  # else plain random numbers
+    counters: bool = False  # instrumented build
+
+    @property
+    def material_kinds(self) -> tuple[str, ...]:
+        return tuple(kind for kind, _ in self.materials)
+
+    @property
+    def delta(self) -> bool:
+        """Some material reflects or refracts in single directions."""
+        return any(kind in self.material_kinds for kind in ("mirror", "dielectric", "glossy", "rough_conductor"))
+
+    def switches(self) -> dict[str, bool]:
+        """Every switch by name, HAS_ left away; all are always defined as 0 or 1."""
+        on = {field.name: bool(getattr(self, field.name)) for field in fields(self) if field.type == "bool"}
+        for group, present in (("material", self.material_kinds), ("shape", self.shapes), ("light", self.lights)):
+            on |= {kind: kind in present for kind in kinds(group)}
+        on["analytic"] = any(shape != "plane" for shape in self.shapes)
+        on["lights"] = bool(self.lights)
+        return dict(sorted(on.items()))
+
+    def left_out(self) -> list[str]:
+        """Names of the switches that are off."""
+        return [name for name, on in self.switches().items() if not on]
+
+    def with_counters(self) -> Features:
+        return replace(self, counters=True)

@@ -1,0 +1,206 @@
+"""THE table of record layouts: one declaration gives the numpy dtype, the OpenCL C text and the layout probe.
+
+Members are only `float int uint float4 uint4` and, in tree records, rows of 8 (`float8 uint8`); 16-byte members sit
+on 16-byte offsets, rows of 8 on 32-byte offsets, sizes are multiples of 16 and padding is written out. OpenCL gives
+no layout guarantee across compilers, so a probe kernel compares `sizeof` and every offset on each device.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+NONE = 0xFFFFFFFF  # "no primitive", "no light", "no object"
+
+_WIDTH = {"float": 1, "int": 1, "uint": 1, "float4": 4, "uint4": 4, "float8": 8, "uint8": 8}
+_BASE = {"float": np.dtype("<f4"), "int": np.dtype("<i4"), "uint": np.dtype("<u4")}
+
+
+@dataclass(frozen=True)
+class Member:
+    """One member of a record: OpenCL type, name, unit ("" where none applies) and meaning."""
+
+    ctype: str
+    name: str
+    unit: str
+    meaning: str
+
+    @property
+    def width(self) -> int:
+        """Number of 4-byte words."""
+        return _WIDTH[self.ctype]
+
+    @property
+    def numpy_type(self) -> tuple[np.dtype, tuple[int, ...]]:
+        base = _BASE[self.ctype.rstrip("48")]
+        return (base, () if self.width == 1 else (self.width,))
+
+
+@dataclass(frozen=True)
+class Record:
+    """A struct that host and kernels share."""
+
+    name: str
+    meaning: str
+    members: tuple[Member, ...]
+
+    @cached_property
+    def offsets(self) -> dict[str, int]:
+        """Byte offset of each member; raises ValueError where the table breaks the alignment rules."""
+        offsets, position = {}, 0
+        for member in self.members:
+            alignment = 4 * member.width
+            if position % alignment:
+                raise ValueError(f"{self.name}.{member.name} at byte {position} is not on {alignment} bytes")
+            offsets[member.name] = position
+            position += 4 * member.width
+        if position % 16:
+            raise ValueError(f"{self.name} has {position} bytes, not a multiple of 16")
+        return offsets
+
+    @cached_property
+    def size(self) -> int:
+        """Bytes."""
+        return sum(4 * member.width for member in self.members)
+
+    @cached_property
+    def dtype(self) -> np.dtype:
+        """The numpy structured dtype with exactly the device's offsets."""
+        return np.dtype(
+            {
+                "names": [m.name for m in self.members],
+                "formats": [m.numpy_type for m in self.members],
+                "offsets": [self.offsets[m.name] for m in self.members],
+                "itemsize": self.size,
+            }
+        )
+
+    def c_text(self) -> str:
+        """The OpenCL C declaration."""
+        lines = [f"    {m.ctype} {m.name}; /* {m.meaning}{f' [{m.unit}]' if m.unit else ''} */" for m in self.members]
+        return f"/* {self.meaning} */\ntypedef struct {{\n" + "\n".join(lines) + f"\n}} {self.name};\n"
+
+
+def _record(name: str, meaning: str, *rows: tuple[str, str, str, str]) -> Record:
+    return Record(name, meaning, tuple(Member(*row) for row in rows))
+
+
+_TABLE = (
+    _record(
+        "Ray",
+        "A ray to trace; t counts lengths of the direction",
+        ("float4", "origin", "m", "xyz; w = bits of the primitive that the ray left, or NONE"),
+        ("float4", "direction", "", "xyz finite, not zero; w = t_max"),
+    ),
+    _record(
+        "Hit",
+        "Closest hit of a ray",
+        ("float", "t", "lengths of direction", "distance; the ray's t_max on a miss"),
+        ("float", "u", "", "barycentric weight of the second vertex; 0 on shapes"),
+        ("float", "v", "", "barycentric weight of the third vertex; 0 on shapes"),
+        ("uint", "prim", "", "primitive id, NONE on a miss"),
+    ),
+    _record(
+        "Node",
+        "Inner node of the 8-wide tree",
+        ("float8", "lox", "m", "lower bounds of the 8 children, rounded down"),
+        ("float8", "hix", "m", "upper bounds, rounded up"),
+        ("float8", "loy", "m", "lower bounds"),
+        ("float8", "hiy", "m", "upper bounds"),
+        ("float8", "loz", "m", "lower bounds"),
+        ("float8", "hiz", "m", "upper bounds"),
+        ("uint8", "child", "", "bit 31 leaf; of leaves bit 30 analytic shape, else block << 3 | count - 1"),
+        ("uint8", "spare", "", "zero; completes 256 bytes"),
+    ),
+    _record(
+        "Block",
+        "Leaf of up to 8 whole triangles; empty lanes are degenerate and carry NONE",
+        *[("float8", f"v{i}{axis}", "m", f"vertex {i}, {axis}") for i in range(3) for axis in "xyz"],
+        ("uint8", "prim", "", "triangle ids"),
+    ),
+    _record(
+        "Triangle",
+        "Vertex indices and object of one triangle",
+        ("uint4", "v", "", "xyz = vertices counter-clockwise seen from the front; w = object"),
+    ),
+    _record("Vertex", "Position relative to the geometry's origin", ("float4", "p", "m", "xyz; w = 0")),
+    _record("Normal", "Shading normal of a vertex", ("float4", "n", "", "xyz unit, or zero: use the flat normal")),
+    _record(
+        "Shape",
+        "An analytic shape; its local coordinates run over -1..1 along the half axes",
+        ("uint", "kind", "", "SHAPE_*"),
+        ("uint", "object", "", "owner"),
+        ("uint", "light", "", "its light, or NONE"),
+        ("uint", "pad", "", "zero"),
+        ("float4", "center", "m", "xyz; w = radius (sphere)"),
+        ("float4", "u", "m", "half axis; w = 1/|u|^2"),
+        ("float4", "v", "m", "half axis; w = 1/|v|^2"),
+        ("float4", "w", "m", "half axis or unit normal; w = 1/|w|^2"),
+        ("float4", "inverse_u", "1/m", "dual of u: its dot product with p - center is the local coordinate"),
+        ("float4", "inverse_v", "1/m", "dual of v"),
+        ("float4", "inverse_w", "1/m", "dual of w"),
+    ),
+    _record(
+        "Object",
+        "What primitives of one scene object have in common",
+        ("uint", "material", "", "index"),
+        ("uint", "light", "", "first light of its emissive primitives, or NONE"),
+        ("uint", "first", "", "first primitive id"),
+        ("uint", "flags", "", "zero"),
+    ),
+    _record(
+        "Material",
+        "Kind and parameters, packed in declared order",
+        ("uint", "kind", "", "MATERIAL_*"),
+        ("uint", "flags", "", "zero"),
+        ("uint", "pad0", "", "zero"),
+        ("uint", "pad1", "", "zero"),
+        *[("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(4)],
+    ),
+    _record(
+        "Light",
+        "A light, and its slot of the alias table by which lights are picked",
+        ("uint", "kind", "", "LIGHT_*"),
+        ("uint", "prim", "", "emitting primitive, or NONE"),
+        ("uint", "alias", "", "light picked where u exceeds the threshold"),
+        ("float", "threshold", "", "share of this slot that stays with this light"),
+        ("float4", "position", "m", "xyz; w = probability of being picked"),
+        ("float4", "direction", "", "unit; the way the light travels"),
+        ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance"),
+        ("float4", "extra", "", "spot: cosines of cutoff and fall-off start; environment: none"),
+    ),
+    _record(
+        "Camera",
+        "Rays start here; all relative to the geometry's origin",
+        ("float4", "origin", "m", "eye; w = aperture radius"),
+        ("float4", "right", "", "image plane per unit x; w = 1 / focus distance, 0 = infinity"),
+        ("float4", "up", "", "image plane per unit y"),
+        ("float4", "forward", "", "unit"),
+        ("float4", "raster", "", "xy = plane coordinates of the first pixel's corner, zw = pixel steps"),
+    ),
+    _record(
+        "Settings",
+        "Numbers of one render that kernels read",
+        ("uint", "width", "pixels", ""),
+        ("uint", "height", "pixels", ""),
+        ("uint", "tiles_x", "tiles of 8x8 pixels", "per row"),
+        ("uint", "seed", "", ""),
+        ("uint", "max_depth", "path edges", ""),
+        ("uint", "roulette_start", "path edges", "0 = never"),
+        ("uint", "reflection_depth", "path edges", "integrator local"),
+        ("uint", "light_count", "", "entries of the alias table"),
+        ("uint", "environment", "", "light index of the environment, or NONE"),
+        ("float", "filter_radius", "pixels", ""),
+        ("uint", "shadows", "", "0: lights shine through everything (integrator local)"),
+        ("uint", "pad", "", "zero"),
+    ),
+)
+
+RECORDS: dict[str, Record] = {record.name: record for record in _TABLE}
+
+
+def c_text() -> str:
+    """All records as OpenCL C."""
+    return "\n".join(record.c_text() for record in _TABLE)

@@ -1,0 +1,6 @@
+"""Where scene, kernels, tree and device meet: renders a scene into a film."""
+
+from raytide.render.film import Film
+from raytide.render.renderer import Renderer
+
+__all__ = ["Film", "Renderer"]

@@ -1,0 +1,109 @@
+"""The picture and what is known about it, as numpy arrays; saves itself, and shows itself in a notebook."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from raytide.errors import UsageError
+from raytide.render.error import ErrorEstimate, estimate
+
+LAYERS = ("albedo", "normal", "position", "depth", "samples", "object_id", "variance")
+SUFFIXES = (".exr", ".png")
+
+
+@dataclass(frozen=True)
+class FilmData:
+    """Film buffers as read from the device; all (h, w, 4) float32, `difference` (h, w, 2, 4)."""
+
+    sum_hi: np.ndarray
+    sum_lo: np.ndarray
+    difference: np.ndarray
+
+
+@dataclass
+class Film:
+    """A picture after `spp` samples a pixel. Arrays have the top row first."""
+
+    data: FilmData
+    spp: int
+    stats: dict[str, object] = field(default_factory=dict)
+    header: Callable[[], Mapping[str, object]] = dict
+    layer_source: Callable[[], Mapping[str, np.ndarray]] = dict
+
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """Samples that count in each pixel: (h, w) uint32."""
+        return np.ascontiguousarray(self.data.sum_hi[..., 3]).view(np.uint32)
+
+    @cached_property
+    def rgb(self) -> np.ndarray:
+        """Mean radiance, linear Rec. 709: (h, w, 3) float32. Pixels without a sample are 0."""
+        total = self.data.sum_hi[..., :3].astype(np.float64) + self.data.sum_lo[..., :3]
+        return (total / np.maximum(self.samples, 1)[..., None]).astype(np.float32)
+
+    @cached_property
+    def alpha(self) -> np.ndarray:
+        """Share of samples that met an object: (h, w) float32."""
+        return self.data.sum_lo[..., 3] / np.maximum(self.samples, 1).astype(np.float32)
+
+    @cached_property
+    def error(self) -> ErrorEstimate | None:
+        """Estimated error; None below 2 samples a pixel."""
+        at = 1 << (self.spp.bit_length() - 1) if self.spp else 0
+        now, before = self.data.difference[..., 0, :3], self.data.difference[..., 1, :3]
+        return estimate(self.rgb, now, before, at, self.spp)
+
+    @property
+    def variance(self) -> np.ndarray:
+        """Variance of each pixel's mean (h, w, 3) float32; NaN below 2 samples a pixel."""
+        return self.error.variance if self.error else np.full_like(self.rgb, np.nan)
+
+    def layers(self, names: Sequence[str] = LAYERS) -> dict[str, np.ndarray]:
+        """Named layers beside the picture. UsageError lists the names for an unknown one."""
+        for name in names:
+            if name not in LAYERS:
+                raise UsageError(f"layer: came {name!r}; wanted one of {', '.join(LAYERS)}")
+        known: dict[str, np.ndarray] = {"samples": self.samples, "variance": self.variance}
+        if any(name not in known for name in names):
+            known |= self.layer_source()
+        return {name: known[name] for name in names}
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        aovs: Sequence[str] = (),
+        half: bool = False,
+        exposure: float = 0.0,
+        no_clobber: bool = False,
+    ) -> None:
+        """Writes .exr (beauty and the layers in `aovs`) or .png (sRGB after `exposure` stops), by the suffix.
+
+        The file appears only when it is complete. UsageError for other suffixes or, with `no_clobber`, a file
+        that exists; RaytideError where it cannot be written.
+        """
+        from raytide import image
+
+        suffix = Path(path).suffix.lower()
+        if suffix == ".png":
+            image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text={"Software": "raytide"})
+        elif suffix == ".exr":
+            beauty = np.dstack((self.rgb, self.alpha))
+            header = dict(self.header()) | image.capture_date()
+            written = image.write_exr(
+                path, {"beauty": beauty} | self.layers(aovs), header, half=half, no_clobber=no_clobber
+            )
+            self.stats["half_saturated"] = written.saturated
+        else:
+            raise UsageError(f"{path}: came the suffix {suffix!r}; wanted one of {', '.join(SUFFIXES)}")
+
+    def _repr_png_(self) -> bytes:
+        from raytide import image
+
+        return image.png_bytes(self.rgb)

@@ -1,0 +1,134 @@
+"""Light records and the alias table that picks one light for each sample.
+
+A light's share follows the irradiance that it would give at the point the camera looks at, mixed with an equal share
+for every light source, so that no light is ever starved (unbiased for any shares above zero).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raytide.accel import FlatGeometry
+from raytide.kernels.features import kind_number
+from raytide.kernels.records import NONE, RECORDS
+from raytide.scene.flatten import FlatScene
+
+_EQUAL_SHARE = 0.25
+_LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
+
+
+def pack_lights(
+    flat: FlatScene, geometry: FlatGeometry, objects: np.ndarray, origin: np.ndarray, planes_first: list[int]
+) -> tuple[np.ndarray, int]:
+    """Light records with their alias table, and the environment's index (NONE without one).
+
+    Links objects and shapes to their lights. Lights that the scene declares come first, then one a emissive primitive.
+    """
+    declared = np.zeros(len(flat.lights), RECORDS["Light"].dtype)
+    environment, target = NONE, np.asarray(flat.camera.target, float)
+    weights = []
+    for i, (row, light) in enumerate(zip(declared, flat.lights, strict=True)):
+        weights.append(_declared(row, light, origin, target))
+        if light.type == "environment":
+            environment = i
+    parts, groups = [declared], [np.arange(len(declared))]
+    importance = [np.asarray(weights, float)]
+    count = len(declared)
+    for index, thing in enumerate(flat.objects):
+        material = flat.materials[thing.material]
+        if material.type != "emissive":
+            continue
+        radiance = dict(material.parameters())
+        prims, areas, centers = _primitives(flat, geometry, index, planes_first)
+        rows = np.zeros(len(prims), RECORDS["Light"].dtype)
+        rows["kind"] = kind_number("light", "emitter")
+        rows["prim"] = prims
+        rows["radiance"][:, :3] = radiance["radiance"]
+        rows["extra"][:, 0] = radiance["two_sided"][0]
+        objects[index]["light"] = count
+        if thing.shape >= 0:
+            geometry.shapes[planes_first.index(thing.shape)]["light"] = count
+        distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
+        importance.append(_LUMINANCE @ radiance["radiance"] * areas / np.maximum(distance2, areas))
+        groups.append(np.full(len(prims), len(flat.lights) + index))
+        parts.append(rows)
+        count += len(prims)
+    lights = np.concatenate(parts)
+    if count:
+        _alias_table(lights, np.concatenate(importance), np.concatenate(groups))
+    return lights, environment
+
+
+def _declared(row: np.ndarray, light: object, origin: np.ndarray, target: np.ndarray) -> float:
+    """Fills the record of a declared light; returns its irradiance at `target`."""
+    kind = light.type  # type: ignore[attr-defined]
+    row["kind"] = kind_number("light", kind)
+    row["prim"] = NONE
+    if kind == "environment":
+        colour = np.multiply(light.radiance, light.scale)  # type: ignore[attr-defined]
+        row["radiance"][:3] = colour
+        return float(np.pi * _LUMINANCE @ colour)
+    if kind == "directional":
+        direction = np.asarray(light.direction, float)  # type: ignore[attr-defined]
+        row["direction"][:3] = direction / np.linalg.norm(direction)
+        row["radiance"][:3] = light.irradiance  # type: ignore[attr-defined]
+        return float(_LUMINANCE @ np.asarray(light.irradiance, float))  # type: ignore[attr-defined]
+    position = np.asarray(light.position, float)  # type: ignore[attr-defined]
+    row["position"][:3] = position - origin
+    row["radiance"][:3] = light.intensity  # type: ignore[attr-defined]
+    if kind == "spot":
+        axis = np.asarray(light.target, float) - position  # type: ignore[attr-defined]
+        row["direction"][:3] = axis / np.linalg.norm(axis)
+        cutoff, start = np.radians((light.cutoff, light.falloff_start))  # type: ignore[attr-defined]
+        row["extra"] = (np.cos(cutoff), np.cos(start), cutoff, start)
+    distance2 = float(np.sum((position - target) ** 2))
+    return float(_LUMINANCE @ np.asarray(light.intensity, float)) / max(distance2, 1e-30)  # type: ignore[attr-defined]
+
+
+def _primitives(
+    flat: FlatScene, geometry: FlatGeometry, index: int, planes_first: list[int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ids, areas and centres (relative to the geometry's origin) of an object's primitives."""
+    thing = flat.objects[index]
+    if thing.shape < 0:
+        ids = np.arange(thing.first_triangle, thing.first_triangle + thing.triangle_count)
+        corners = geometry.vertices[geometry.triangles[ids, :3], :3].astype(float)
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return ids, np.linalg.norm(cross, axis=1) / 2, corners.mean(axis=1)
+    place = planes_first.index(thing.shape)
+    u, v, w = flat.shapes[thing.shape].axes
+    faces = {"u x v": np.linalg.norm(np.cross(u, v)), "v x w": np.linalg.norm(np.cross(v, w))}
+    areas = {
+        "sphere": 4 * np.pi * (u @ u),
+        "rectangle": 4 * faces["u x v"],
+        "disk": np.pi * faces["u x v"],
+        "box": 8 * (faces["u x v"] + faces["v x w"] + np.linalg.norm(np.cross(w, u))),
+    }
+    area = areas[flat.shapes[thing.shape].kind]
+    center = geometry.shapes[place]["center"][None, :3].astype(float)
+    return np.array([len(flat.triangles) + place]), np.array([area]), center
+
+
+def _alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
+    """Fills alias, threshold and pick probability (Vose 1991), probabilities being those of the rounded table."""
+    n = len(lights)
+    importance = np.where(np.isfinite(importance) & (importance > 0), importance, 0.0)
+    _, inverse, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+    equal = 1.0 / (len(sizes) * sizes[inverse])
+    total = importance.sum()
+    share = (1 - _EQUAL_SHARE) * importance / total + _EQUAL_SHARE * equal if total > 0 else equal
+    threshold, alias = np.ones(n), np.arange(n)
+    scaled = share / share.sum() * n
+    small, large = list(np.nonzero(scaled < 1)[0]), list(np.nonzero(scaled >= 1)[0])
+    while small and large:
+        low, high = small.pop(), large[-1]
+        threshold[low], alias[low] = scaled[low], high
+        scaled[high] -= 1 - scaled[low]
+        if scaled[high] < 1:
+            small.append(large.pop())
+    lights["threshold"] = threshold
+    lights["alias"] = alias
+    kept = lights["threshold"].astype(float)
+    probability = kept / n
+    np.add.at(probability, alias, (1 - kept) / n)
+    lights["position"][:, 3] = probability

@@ -1,0 +1,153 @@
+"""Where a picture comes from and what it cost: the report of a render, and the header of its EXR file."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from raytide.render.waves import EDGE_BINS, RayCounts
+
+if TYPE_CHECKING:
+    from raytide.render.renderer import Renderer
+
+REPORT_SCHEMA = "raytide.report/1"
+
+
+def raytide_version() -> str:
+    """Version of the installed package."""
+    try:
+        return version("raytide")
+    except PackageNotFoundError:
+        return "0+checkout"
+
+
+def report_of(renderer: Renderer) -> dict[str, Any]:
+    """All figures of a render, ready for JSON. Times in seconds, memory in bytes, rates in 1/s."""
+    flat, film = renderer.flat, renderer.film
+    error = film.error
+    return {
+        "schema": REPORT_SCHEMA,
+        "raytide": raytide_version(),
+        "scene_sha256": renderer.scene.sha256(),
+        "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
+        "device": _device(renderer),
+        "settings": {**flat.render.model_dump(mode="json"), "size": list(flat.camera.size)},
+        "spp": renderer.spp_done,
+        "stopped_by": renderer.stopped_by,
+        "error": error.as_dict() if error else None,
+        "health": renderer.health(),
+        "times_s": dict(renderer.times),
+        "rays": _rays(renderer.waves.rays),
+        "waves": wave_table(renderer.wave_times, renderer.waves.rays),
+        "kernels": {name: _kernel(program) for name, program in renderer.programs.items()},
+        "tree": {key: _plain(value) for key, value in vars(renderer.tree.stats).items()},
+        "memory": {
+            "scene_bytes": renderer.packed.nbytes + renderer.tree.stats.bytes,
+            "wave_bytes": renderer.plan.nbytes,
+            "wave_capacity": renderer.plan.capacity,
+            "samples_in_flight": renderer.plan.samples,
+            "peak_device_bytes": renderer.device.peak_bytes,
+        },
+        "left_out": ledger(renderer),
+        "warnings": list(flat.warnings),
+    }
+
+
+def header_of(renderer: Renderer) -> dict[str, Any]:
+    """EXR attributes: who made the picture, how to repeat it, and how far it can be trusted."""
+    film, flat = renderer.film, renderer.flat
+    to_camera = world_to_camera(flat.camera)
+    return {
+        "software": f"raytide {raytide_version()}",
+        "comments": "linear Rec. 709 radiance",
+        "worldToCamera": to_camera.astype(np.float32),
+        "raytide": {
+            "version": raytide_version(),
+            "spp": film.spp,
+            "seed": flat.render.seed,
+            "device": renderer.device.info.id,
+            "driver": renderer.device.info.driver,
+            "scene_sha256": renderer.scene.sha256(),
+            "kernels_sha256": json.dumps({name: source.sha256 for name, source in renderer.sources.items()}),
+            "time_s": json.dumps({key: round(value, 6) for key, value in renderer.times.items()}),
+            "settings": json.dumps({**flat.render.model_dump(mode="json"), "size": list(flat.camera.size)}),
+            "error": json.dumps(film.error.as_dict() if film.error else None),
+            "excluded_samples": json.dumps(renderer.health()),
+        },
+    }
+
+
+def world_to_camera(camera: Any) -> np.ndarray:
+    """(4, 4) float64 in EXR's row-vector convention; the camera looks along -z with y up."""
+    right, up, forward = camera.frame()
+    out = np.eye(4)
+    out[:3, :3] = np.array((right, up, -forward)).T
+    out[3, :3] = -np.asarray(camera.origin, float) @ out[:3, :3]
+    return out
+
+
+def ledger(renderer: Renderer) -> dict[str, list[str]]:
+    """What this scene did not need: switches that are off, waves that were not scheduled."""
+    from raytide.render.schedule import WAVES
+
+    return {
+        "features": renderer.features.left_out(),
+        "waves": [wave.name for wave in WAVES if wave.name not in renderer.programs],
+    }
+
+
+def wave_table(times: dict[str, tuple[int, float]], rays: RayCounts) -> dict[str, dict[str, float | bool]]:
+    """Seconds, launches and rays of every wave. Launches that mixed path edges are shared out by rays, and say so.
+
+    Edge k is the number of path edges behind the vertex that a ray leaves: reflection[1] and shadow[1] leave the
+    first hit. The last bin holds all longer paths.
+    """
+    out: dict[str, dict[str, float | bool]] = {}
+    for label in ("camera", "shade", "partition", "film", "aov"):
+        if label in times:
+            out[label] = {"launches": times[label][0], "s": times[label][1]}
+    if "primary" in times:
+        out["primary"] = _row(times["primary"], rays.primary, False)
+    for wave, counts in (("reflection", rays.reflection), ("shadow", rays.shadow)):
+        mixed = times.get(f"{wave}[mixed]", (0, 0.0))
+        own = {k: times.get(f"{wave}[{k}]", (0, 0.0)) for k in range(EDGE_BINS)}
+        total = int(counts.sum())
+        for k in range(EDGE_BINS):
+            if counts[k]:
+                share = mixed[1] * int(counts[k]) / total
+                out[f"{wave}[{k}]"] = _row((own[k][0], own[k][1] + share), int(counts[k]), share > 0)
+    return out
+
+
+def _row(launches: tuple[int, float], rays: int, shared: bool) -> dict[str, float | bool]:
+    row: dict[str, float | bool] = {"launches": launches[0], "s": launches[1], "rays": rays}
+    row["mrays_per_s"] = rays / launches[1] / 1e6 if launches[1] > 0 else 0.0
+    if shared:
+        row["time_by_ray_share"] = True
+    return row
+
+
+def _rays(rays: RayCounts) -> dict[str, int]:
+    return {
+        "total": rays.total,
+        "primary": rays.primary,
+        "reflection": int(rays.reflection.sum()),
+        "shadow": int(rays.shadow.sum()),
+    }
+
+
+def _device(renderer: Renderer) -> dict[str, Any]:
+    info = renderer.device.info
+    named = ("id", "name", "platform", "driver", "compute_units", "global_mem_bytes", "max_alloc_bytes")
+    return {key: _plain(getattr(info, key)) for key in named} | {"options": list(renderer.device.options)}
+
+
+def _kernel(program: Any) -> dict[str, Any]:
+    return {key: _plain(getattr(program, key)) for key in ("build_s", "first_launch_s", "cache")}
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, str | int | float | bool | type(None)) else str(value)

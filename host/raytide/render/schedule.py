@@ -1,0 +1,91 @@
+"""The wave schedule as data: which programs a scene needs, how big waves are, and how samples are cut into passes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from raytide.errors import UsageError
+from raytide.kernels.features import Features
+from raytide.kernels.records import RECORDS
+
+TILE = 64  # pixels; 8x8, one packet of neighbouring rays
+CHUNK = 1024  # items that one work-item of `partition` counts
+LARGEST_PASS = 64  # samples a pixel between two looks at the film
+_RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
+SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4  # rays, hits, throughput, path, shadow light, 3 queues, status
+SAMPLE_BYTES = 16
+
+
+@dataclass(frozen=True)
+class Wave:
+    """One program: its name, entry file, and whether a scene needs it."""
+
+    name: str
+    needed: Callable[[Features], bool] = lambda features: True
+
+    @property
+    def entry(self) -> str:
+        return f"wave/{self.name}.cl"
+
+
+WAVES = (
+    Wave("primary"),
+    Wave("extend"),
+    Wave("shade"),
+    Wave("partition"),
+    Wave("shadow", lambda features: bool(features.lights)),
+    Wave("film"),
+)
+AOV = Wave("aov")  # built when a film is asked for its layers
+
+
+@dataclass(frozen=True)
+class WavePlan:
+    """Sizes of the wave buffers: `capacity` path slots and `samples` results in flight, both multiples of 64."""
+
+    capacity: int
+    samples: int
+
+    @property
+    def nbytes(self) -> int:
+        return self.capacity * SLOT_BYTES + self.samples * SAMPLE_BYTES
+
+
+def plan_waves(kind: str, compute_units: int, memory: int | None, most_items: int, max_alloc: int) -> WavePlan:
+    """Sizes from the device and a budget in bytes, never from resolution or sample count.
+
+    CPUs get waves that stay near their caches; GPUs get enough rays to fill them. `most_items` (tiles x 64 x samples)
+    only makes small renders smaller. UsageError where the budget cannot hold one tile.
+    """
+    capacity = (1 << 16) if kind != "gpu" else min(1 << 20, max(1 << 17, compute_units << 13))
+    samples = capacity * 16
+    if memory is not None:
+        capacity = min(capacity, memory // 2 // SLOT_BYTES)
+        samples = min(samples, (memory - capacity * SLOT_BYTES) // SAMPLE_BYTES)
+    samples = min(samples, max_alloc // SAMPLE_BYTES, -(-most_items // TILE) * TILE)
+    capacity = min(capacity, samples, max_alloc // _RAY)
+    capacity, samples = capacity // TILE * TILE, samples // TILE * TILE
+    if capacity < TILE:
+        raise UsageError(f"memory: came {memory} bytes; wanted at least {TILE * (2 * SLOT_BYTES + SAMPLE_BYTES)}")
+    return WavePlan(capacity, samples)
+
+
+def passes(spp: int) -> Iterator[tuple[int, int]]:
+    """(first sample, samples) of each pass: 1, 1, 2, 4, ... so that a first picture comes early and every power of
+    two is the end of a pass; then steps of LARGEST_PASS."""
+    done = 0
+    while done < spp:
+        step = min(max(1, done), LARGEST_PASS, spp - done)
+        yield done, step
+        done += step
+
+
+def chunks(tiles: int, first: int, count: int, samples: int) -> Iterator[tuple[int, int, int, int]]:
+    """(first tile, tiles, first sample, samples) of the chunks of a pass, each of at most `samples` results."""
+    deep = max(1, min(count, samples // TILE))
+    wide = max(1, samples // (TILE * deep))
+    for sample in range(first, first + count, deep):
+        here = min(deep, first + count - sample)
+        for tile in range(0, tiles, wide):
+            yield tile, min(wide, tiles - tile), sample, here

@@ -1,0 +1,165 @@
+"""Drives the waves of one chunk of samples: primary, then extend, shade, partition and shadow until no path is left.
+
+Paths that end make room for new camera rays (path regeneration), which are traced in a launch of their own, so that
+primaries stay in tile order. Nothing here decides what a picture is: any wave size gives the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from raytide.accel import Tree
+from raytide.device import Buffer, Device, Program
+from raytide.kernels.records import RECORDS
+from raytide.render.pack import PackedScene
+from raytide.render.schedule import CHUNK, WavePlan
+
+EDGE_BINS = 16
+COUNTERS = 16 + 2 * EDGE_BINS
+
+
+@dataclass
+class RayCounts:
+    """Rays traced: camera rays, and onward and shadow rays by the path edge of the vertex that they left."""
+
+    primary: int = 0
+    reflection: np.ndarray = field(default_factory=lambda: np.zeros(EDGE_BINS, np.int64))
+    shadow: np.ndarray = field(default_factory=lambda: np.zeros(EDGE_BINS, np.int64))
+
+    @property
+    def total(self) -> int:
+        return self.primary + int(self.reflection.sum()) + int(self.shadow.sum())
+
+
+class SceneBuffers:
+    """The scene on the device. `geometry` are the arguments that every tracing kernel starts with."""
+
+    def __init__(self, device: Device, packed: PackedScene, tree: Tree) -> None:
+        flat = packed.geometry
+        self.geometry = (
+            device.upload(tree.nodes),
+            device.upload(tree.blocks),
+            device.upload(flat.triangles),
+            device.upload(flat.vertices),
+            device.upload(packed.normals),
+            device.upload(flat.shapes),
+            np.uint32(len(tree.blocks)),
+            np.uint32(len(flat.triangles)),
+            np.uint32(len(flat.shapes)),
+            np.uint32(flat.plane_count),
+        )
+        self.objects = device.upload(packed.objects)
+        self.materials = device.upload(packed.materials)
+        self.lights = device.upload(packed.lights)
+        self.camera = device.upload(packed.camera)
+
+
+class Waves:
+    """Wave buffers and launches of one render."""
+
+    def __init__(
+        self, device: Device, programs: Mapping[str, Program], scene: SceneBuffers, settings: Buffer, plan: WavePlan
+    ) -> None:
+        self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
+        self.rays = RayCounts()
+        slots = plan.capacity
+        ray = RECORDS["Ray"].size
+        self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
+        self._hits = device.empty(slots * RECORDS["Hit"].size)
+        self._throughput, self._paths = device.empty(slots * 16), device.empty(slots * 16)
+        self._shadow_light, self._status = device.empty(slots * 16), device.empty(slots * 4)
+        self._queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
+        self._shadow_queue = device.empty(slots * 4)
+        self._chunk_counts = device.empty(-(-slots // CHUNK) * 2 * EDGE_BINS * 4)
+        self._counters = device.empty(COUNTERS * 4)
+        self.samples = device.empty(plan.samples * 16)
+
+    def run(self, chunk: tuple[int, int, int, int], stopped: Callable[[], bool]) -> bool:
+        """Traces every path of a chunk (first tile, tiles, first sample, samples) into `samples`.
+
+        Returns False, with the chunk unfinished, once `stopped` says so at the end of a wave.
+        """
+        first_tile, tiles, first_sample, samples = chunk
+        items = tiles * 64 * samples
+        self._reset_queue()
+        begun = alive = 0
+        edges = np.zeros(EDGE_BINS, np.int64)
+        while begun < items or alive:
+            if stopped():
+                return False
+            fresh = 0
+            if alive <= self.plan.capacity // 2:
+                fresh = min((self.plan.capacity - alive) // 64 * 64, items - begun)
+            if fresh:
+                self._primary(alive, begun, fresh, first_tile, first_sample, samples)
+                begun += fresh
+            if alive:
+                self._extend(0, alive, _label("reflection", edges))
+            count = alive + fresh
+            alive, edges = self._shade(count)
+        return True
+
+    def _reset_queue(self) -> None:
+        """The first queue lists all slots in order again, so that a chunk never depends on the one before."""
+        self.device.write(self._queues[0], np.arange(self.plan.capacity, dtype=np.uint32))
+
+    def _primary(self, place: int, item: int, count: int, tile: int, sample: int, samples: int) -> None:
+        numbers = [np.uint32(x) for x in (place, item, count, tile, sample, samples)]
+        self.device.launch(
+            self.programs["primary"], "primary", count, 64,
+            self.scene.camera, self.settings, self._queues[0], *numbers,
+            self._rays, self._throughput, self._paths, self.samples,
+            label="camera",
+        )  # fmt: skip
+        self.rays.primary += count
+        self._extend(place, count, "primary")
+
+    def _extend(self, first: int, count: int, label: str) -> None:
+        self.device.launch(
+            self.programs["extend"], "extend", count, 64,
+            *self.scene.geometry, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits,
+            label=label,
+        )  # fmt: skip
+
+    def _shade(self, count: int) -> tuple[int, np.ndarray]:
+        """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""
+        scene, launch, programs, n = self.scene, self.device.launch, self.programs, np.uint32(count)
+        queue, following = self._queues
+        launch(
+            programs["shade"], "shade", count, 64,
+            *scene.geometry, scene.objects, scene.materials, scene.lights, self.settings, queue, n,
+            self._rays, self._hits, self._throughput, self._paths, self._status,
+            self._shadow_rays, self._shadow_light, self.samples,
+            label="shade",
+        )  # fmt: skip
+        partition, chunks = programs["partition"], -(-count // CHUNK)
+        launch(partition, "partition_count", chunks, 64, n, self._status, self._chunk_counts, label="partition")
+        launch(partition, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
+        launch(
+            partition, "partition_scatter", -(-self.plan.capacity // CHUNK), 64,
+            n, np.uint32(self.plan.capacity), self._status, self._chunk_counts, self._counters, queue, following, self._shadow_queue,
+            label="partition",
+        )  # fmt: skip
+        counters = self.device.read(self._counters, np.uint32, COUNTERS).astype(np.int64)
+        alive, shadow = int(counters[0]), int(counters[1])
+        onward, shadows = counters[16 : 16 + EDGE_BINS], counters[16 + EDGE_BINS :]
+        self.rays.reflection += onward
+        self.rays.shadow += shadows
+        if shadow:
+            launch(
+                programs["shadow"], "shadow", shadow, 64,
+                *scene.geometry, self._shadow_queue, np.uint32(shadow),
+                self._shadow_rays, self._shadow_light, self.samples,
+                label=_label("shadow", shadows),
+            )  # fmt: skip
+        self._queues.reverse()
+        return alive, onward
+
+
+def _label(wave: str, by_edges: np.ndarray) -> str:
+    """`wave[k]` where all rays left vertices of one path edge, else `wave[mixed]`."""
+    present = np.nonzero(by_edges)[0]
+    return f"{wave}[{present[0]}]" if len(present) == 1 else f"{wave}[mixed]"

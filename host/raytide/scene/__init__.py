@@ -1,0 +1,52 @@
+"""Scenes: what the user asked for, checked. Knows nothing of devices.
+
+`load` reads a file, `Scene` is what scripts build and edit, `Scene.flatten()` is what a renderer takes.
+"""
+
+from raytide.scene.builders import box, directional, disk, mesh, plane, point, rect, sky, sphere, spot
+from raytide.scene.camera import Orthographic, ThinLens
+from raytide.scene.camera import Pinhole as Camera
+from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from raytide.scene.load import from_tables, load
+from raytide.scene.materials import Dielectric, Diffuse, Emissive, Glossy, Mirror, RoughConductor
+from raytide.scene.materials import Emissive as Emit
+from raytide.scene.scene import Scene
+from raytide.scene.settings import RenderSettings
+from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
+
+__all__ = [
+    "Box",
+    "Camera",
+    "Dielectric",
+    "Diffuse",
+    "DirectionalLight",
+    "Disk",
+    "Emissive",
+    "Emit",
+    "EnvironmentLight",
+    "Glossy",
+    "Mesh",
+    "Mirror",
+    "Orthographic",
+    "Plane",
+    "PointLight",
+    "Rectangle",
+    "RenderSettings",
+    "RoughConductor",
+    "Scene",
+    "Sphere",
+    "SpotLight",
+    "ThinLens",
+    "box",
+    "directional",
+    "disk",
+    "from_tables",
+    "load",
+    "mesh",
+    "plane",
+    "point",
+    "rect",
+    "sky",
+    "sphere",
+    "spot",
+]

@@ -1,0 +1,70 @@
+"""Short words for scripts: `rt.sphere(...)`, `rt.sky(...)`; each gives a model that the scene checks and keeps."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from raytide.errors import Problem, SceneError
+from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
+
+
+def sphere(center: Any = (0, 0, 0), radius: float = 1.0) -> Sphere:
+    """A sphere [m]. Raises SceneError."""
+    return Sphere(center=center, radius=radius)
+
+
+def plane(origin: Any = (0, 0, 0), normal: Any = (0, 1, 0)) -> Plane:
+    """An infinite plane, by default the floor. Raises SceneError."""
+    return Plane(origin=origin, normal=normal)
+
+
+def box(min: Any = (-1, -1, -1), max: Any = (1, 1, 1)) -> Box:
+    """A box between two corners [m]. Raises SceneError."""
+    return Box(min=min, max=max)
+
+
+def rect(center: Any = (0, 0, 0), u: Any = (1, 0, 0), v: Any = (0, 1, 0)) -> Rectangle:
+    """A rectangle of half edges u, v [m]; its front is the side of u x v. Raises SceneError."""
+    return Rectangle(center=center, u=u, v=v)
+
+
+def disk(center: Any = (0, 0, 0), normal: Any = (0, 1, 0), radius: float = 1.0) -> Disk:
+    """A disk [m]. Raises SceneError."""
+    return Disk(center=center, normal=normal, radius=radius)
+
+
+def mesh(
+    file: str | os.PathLike[str] | None = None, *, vertices: Any = None, faces: Any = None, smooth: bool = False
+) -> Mesh:
+    """Triangles of a file, or arrays: vertices (V, 3) [m] and faces (T, 3), copied. Raises SceneError."""
+    if file is not None:
+        return Mesh(mesh=os.fspath(file), smooth=smooth)
+    return Mesh(vertices=vertices, faces=faces, smooth=smooth)
+
+
+def point(position: Any, intensity: Any) -> PointLight:
+    """A point light; intensity in W/sr. Raises SceneError."""
+    return PointLight(position=position, intensity=intensity)
+
+
+def directional(direction: Any, irradiance: Any) -> DirectionalLight:
+    """Parallel light that travels along `direction`; irradiance in W/m^2. Raises SceneError."""
+    return DirectionalLight(direction=direction, irradiance=irradiance)
+
+
+def spot(
+    position: Any, target: Any, intensity: Any, cutoff: float = 20.0, falloff_start: float | None = None
+) -> SpotLight:
+    """A cone of light; intensity in W/sr, half angles in degrees. Raises SceneError."""
+    keys = {} if falloff_start is None else {"falloff_start": falloff_start}
+    return SpotLight(position=position, target=target, intensity=intensity, cutoff=cutoff, **keys)
+
+
+def sky(radiance: Any = 1.0, *, scale: float = 1.0) -> EnvironmentLight:
+    """The same radiance from all around [W/(sr m^2)]. Raises SceneError."""
+    if isinstance(radiance, (str, os.PathLike)):
+        came = f"the image {os.fspath(radiance)!r}"
+        raise SceneError([Problem("radiance", came, "a number or [r, g, b] (image environments are not there yet)")])
+    return EnvironmentLight(radiance=radiance, scale=scale)

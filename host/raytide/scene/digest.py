@@ -1,0 +1,45 @@
+"""The hash that tells whether two scenes show the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from raytide.scene.shapes import Mesh
+
+if TYPE_CHECKING:
+    from raytide.scene.scene import Scene
+
+
+def scene_digest(scene: Scene, with_render: bool) -> str:
+    """SHA-256, in hex, of camera, materials, objects in order with the bytes of their meshes, and lights.
+
+    Where the files lie and how the scene is rendered do not count, unless `with_render`. Raises SceneError for a mesh
+    that cannot be read.
+    """
+    content = {
+        "camera": _full(scene.camera),
+        "materials": {name: _full(model) for name, model in sorted(scene.materials.items())},
+        "objects": [[name, _full(shape)] for name, shape in scene.objects.items()],
+        "lights": [[name, _full(light)] for name, light in scene.lights.items()],
+    }
+    if with_render:
+        content["render"] = _full(scene.render)
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    digest = hashlib.sha256(text.encode())
+    for shape in scene.objects.values():
+        if isinstance(shape, Mesh):
+            mesh = scene.mesh_data(shape)
+            for array in (mesh.vertices, mesh.triangles, mesh.normals, mesh.uv):
+                if array is not None:
+                    digest.update(f"{array.dtype.str}{array.shape}".encode())
+                    digest.update(memoryview(np.ascontiguousarray(array)))
+    return digest.hexdigest()
+
+
+def _full(model: object) -> dict[str, object]:
+    """Every key with its value, defaults included; geometry is hashed by its bytes instead."""
+    return model.model_dump(mode="json", exclude={"mesh", "vertices", "faces"})  # type: ignore[attr-defined]

@@ -1,0 +1,165 @@
+"""A scene as arrays in world space, float64: what a renderer packs for its device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from raytide.errors import SceneError
+from raytide.importers.limits import LARGEST, SMALLEST
+from raytide.importers.meshdata import MeshData, has_no_area, longest_edges
+from raytide.scene.camera import Camera
+from raytide.scene.lights import Light
+from raytide.scene.materials import Material
+from raytide.scene.normals import smooth_normals
+from raytide.scene.settings import RenderSettings
+from raytide.scene.shapes import Mesh
+from raytide.scene.transform import is_mirror, matrix_of, move_normals, move_points
+
+if TYPE_CHECKING:
+    from raytide.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class FlatShape:
+    """An analytic shape. axes (3, 3): rows u, v, w [m].
+
+    sphere: radius times a rotation; box: half axes; rectangle: half edges u, v and the unit normal w; disk: half axes
+    of the ellipse u, v (perpendicular) and the unit normal w; plane: unit tangents u, v and the unit normal w. u, v, w
+    are right-handed.
+    """
+
+    kind: str
+    object: int
+    center: np.ndarray
+    axes: np.ndarray
+
+
+@dataclass(frozen=True)
+class FlatObject:
+    """One object of the scene: its material, and its triangles or its shape (-1 for a mesh).
+
+    `flipped`: its transform mirrors; normals and winding here are already right.
+    """
+
+    name: str
+    material: int
+    first_triangle: int
+    triangle_count: int
+    shape: int
+    flipped: bool
+
+
+@dataclass(frozen=True)
+class FlatScene:
+    """Everything that is seen, in world space.
+
+    vertices (V, 3) float64 [m]; triangles (T, 3) uint32, counter-clockwise seen from the front; triangle_object (T,)
+    uint32; normals (V, 3) float64, unit or zero (the geometric normal stands in), or None where no mesh is smooth.
+    Objects are in file order, an object's triangles are contiguous. The id of triangle i is i, of shape j it is T + j.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    triangle_object: np.ndarray
+    normals: np.ndarray | None
+    shapes: list[FlatShape]
+    objects: list[FlatObject]
+    materials: list[Material]
+    material_names: list[str]
+    lights: list[Light]
+    light_names: list[str]
+    camera: Camera
+    render: RenderSettings
+    warnings: list[str]
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A mesh in the world: vertices (V, 3), triangles (T, 3), normals (V, 3) or None."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    normals: np.ndarray | None
+
+
+def flatten_scene(scene: Scene) -> FlatScene:
+    """All objects in world space. Raises SceneError with all problems of the scene."""
+    problems = scene.problems()
+    if problems:
+        raise SceneError(problems)
+    names = list(scene.materials)
+    shapes: list[FlatShape] = []
+    objects: list[FlatObject] = []
+    pieces: list[_Piece] = []
+    warnings = scene.warnings()
+    first = 0
+    for index, (name, shape) in enumerate(scene.objects.items()):
+        matrix = matrix_of(shape.transform)
+        count, place = 0, -1
+        if isinstance(shape, Mesh):
+            piece = _placed_mesh(scene.mesh_data(shape), matrix, shape.smooth, name, warnings)
+            pieces.append(piece)
+            count = len(piece.triangles)
+        else:
+            place = len(shapes)
+            shapes.append(FlatShape(shape.type, index, *shape.placed(matrix)))
+        material = names.index(shape.material or "")
+        objects.append(FlatObject(name, material, first, count, place, is_mirror(matrix)))
+        first += count
+    vertices, triangles, normals = _joined(pieces)
+    counts = [thing.triangle_count for thing in objects]
+    return FlatScene(
+        vertices=vertices,
+        triangles=triangles,
+        triangle_object=np.repeat(np.arange(len(objects), dtype=np.uint32), counts),
+        normals=normals,
+        shapes=shapes,
+        objects=objects,
+        materials=list(scene.materials.values()),
+        material_names=names,
+        lights=list(scene.lights.values()),
+        light_names=list(scene.lights),
+        camera=scene.camera,
+        render=scene.render,
+        warnings=warnings,
+    )
+
+
+def _placed_mesh(mesh: MeshData, matrix: np.ndarray, smooth: bool, name: str, warnings: list[str]) -> _Piece:
+    """The mesh moved; triangles that leave float32's range on the way are dropped and told."""
+    vertices = move_points(matrix, mesh.vertices)
+    triangles = mesh.triangles
+    sound = (np.abs(vertices) <= LARGEST).all(axis=1)
+    if not sound.all():
+        kept = sound[triangles].all(axis=1)
+        warnings.append(f"objects.{name}: dropped {np.count_nonzero(~kept)} triangles moved beyond {LARGEST:g}")
+        triangles, vertices = triangles[kept], np.where(sound[:, None], vertices, 0.0)
+    lost = has_no_area(vertices, triangles) | (longest_edges(vertices, triangles) < SMALLEST)
+    if lost.any():
+        warnings.append(f"objects.{name}: dropped {np.count_nonzero(lost)} triangles that its transform makes vanish")
+        triangles = triangles[~lost]
+    normals = None
+    if smooth:
+        own = mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
+        normals = move_normals(matrix, own)
+    if is_mirror(matrix):
+        triangles = triangles[:, [0, 2, 1]]  # the front stays on the side of the moved normals
+    return _Piece(vertices, triangles, normals)
+
+
+def _joined(pieces: list[_Piece]) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """All pieces in one set of arrays; zero normals for those that are not smooth."""
+    if not pieces:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.uint32), None
+    firsts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+    triangles = [piece.triangles.astype(np.int64) + first for piece, first in zip(pieces, firsts, strict=False)]
+    normals = None
+    if any(piece.normals is not None for piece in pieces):
+        normals = np.concatenate(
+            [np.zeros_like(piece.vertices) if piece.normals is None else piece.normals for piece in pieces]
+        )
+    vertices = np.concatenate([piece.vertices for piece in pieces])
+    return vertices, np.concatenate(triangles).astype(np.uint32), normals

@@ -1,0 +1,149 @@
+"""Loading a scene: file, layers and overrides to a checked Scene, or every problem at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from raytide.errors import Problem, SceneError
+from raytide.scene.camera import CAMERAS
+from raytide.scene.check import object_problems
+from raytide.scene.describe import value_words
+from raytide.scene.layers import Layer, Override, apply_overrides, overrides_of, parse_override
+from raytide.scene.model import Table, path_words
+from raytide.scene.parse import parse_text, read_text, unknown_key
+from raytide.scene.positions import find_keys, line_of, parent_of
+from raytide.scene.scene import FORMAT, GROUPS, Scene, make_table, name_fault
+from raytide.scene.settings import RenderSettings
+
+TOP = ["format", "camera", "render", *GROUPS]
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    allow_outside: bool = False,
+    overrides: Iterable[str] = (),
+    layers: Iterable[Layer] = (),
+) -> Scene:
+    """Read a scene file (.toml or .json).
+
+    Each of `layers` outranks the file and the layers before it; `overrides` (`key.path=value`, the value as TOML, a
+    bare word as a string) outrank them all. Files that the scene names must lie in its folder unless `allow_outside`.
+    `scene.origins` tells which one set each render and camera key. Raises SceneError with all problems at once.
+    """
+    file = Path(path)
+    text = read_text(file)
+    raw = parse_text(text, file)
+    changes: list[Override] = [change for layer in layers for change in overrides_of(layer)]
+    faults: list[Problem] = []
+    for words in overrides:
+        try:
+            changes.append(parse_override(words))
+        except SceneError as error:
+            faults += error.problems
+    sources, unplaced = apply_overrides(raw, changes)
+    scene, problems = _build(raw, file.parent, allow_outside)
+    if problems or unplaced or faults or scene is None:
+        raise SceneError([*_located(problems, sources, text, file), *unplaced, *faults])
+    scene.origins = _origins(scene, sources)
+    return scene
+
+
+def from_tables(raw: dict[str, Any], *, folder: str | os.PathLike[str] = ".", allow_outside: bool = True) -> Scene:
+    """A scene from tables as a JSON file would hold them. Raises SceneError with all problems at once."""
+    scene, problems = _build(raw, Path(folder), allow_outside)
+    if problems or scene is None:
+        raise SceneError(problems)
+    return scene
+
+
+def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scene | None, list[Problem]]:
+    """All tables made, all problems found; the scene is None where the camera is unusable."""
+    problems = [unknown_key(path_words((name,)), name, TOP) for name in raw if name not in TOP]
+    problems += _format_problems(raw.get("format", FORMAT))
+    camera = _made("camera", raw["camera"], ("camera",), problems) if "camera" in raw else None
+    if "camera" not in raw:
+        problems.append(Problem("camera", "nothing (the table is missing)", "[camera] with origin and target"))
+    render = _made("render", raw.get("render", {}), ("render",), problems)
+    tables = {group: _made_group(group, raw.get(group, {}), problems) for group in GROUPS}
+    if not raw.get("objects") and not raw.get("lights"):
+        problems.append(Problem("objects", "an empty scene", "at least one object or light"))
+    stand_in = {"origin": (0, 0, 1), "target": (0, 0, 0)}  # lets the objects be checked under a broken camera
+    scene = Scene(camera or stand_in, render, folder=folder, allow_outside=allow_outside)  # type: ignore[arg-type]
+    for group, made in tables.items():
+        getattr(scene, group).update(made)
+    written = raw.get("materials", {})
+    problems += object_problems(scene, list(written) if isinstance(written, dict) else [])
+    return (None if camera is None else scene), problems
+
+
+def _format_problems(number: Any) -> list[Problem]:
+    if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+        return [Problem("format", value_words(number), f"format = {FORMAT}")]
+    if number > FORMAT:
+        came = f"format {value_words(number)}, which is newer than this raytide"
+        return [Problem("format", came, f"format {FORMAT}", hint="a newer raytide may read it")]
+    return []
+
+
+def _made(group: str, value: Any, path: tuple[str, ...], problems: list[Problem]) -> Table | None:
+    """One table as a model, or None and its problems added under `path`."""
+    try:
+        if group == "render" and isinstance(value, dict):
+            return RenderSettings(**value)
+        return make_table(group, value, CAMERAS if group == "camera" else GROUPS.get(group, {"": RenderSettings}))
+    except SceneError as error:
+        prefix = path_words(path)
+        problems += [replace(found, key=_joined(prefix, found.key)) for found in error.problems]
+        return None
+
+
+def _joined(prefix: str, key: str) -> str:
+    return prefix + ("" if not key or key.startswith("[") else ".") + key
+
+
+def _made_group(group: str, tables: Any, problems: list[Problem]) -> dict[str, Table]:
+    if not isinstance(tables, dict):
+        problems.append(Problem(group, value_words(tables), f"tables with names: [{group}.NAME]"))
+        return {}
+    made: dict[str, Table] = {}
+    for name, value in tables.items():
+        wanted = name_fault(name)
+        if wanted:
+            problems.append(Problem(path_words((group, name)), value_words(name), wanted))
+        table = _made(group, value, (group, name), problems)
+        if table is not None:
+            made[name] = table
+    return made
+
+
+def _located(problems: list[Problem], sources: dict[str, str], text: str, file: Path) -> list[Problem]:
+    """Problems with the file's line, or with the layer that set the key, in the order of the file."""
+    if not problems:
+        return []
+    lines, _ = find_keys(text, file.suffix.lower() == ".json")
+    placed = [_placed(found, sources, lines, file) for found in problems]
+    return sorted(placed, key=lambda found: found.line or 0)
+
+
+def _placed(found: Problem, sources: dict[str, str], lines: dict[str, int], file: Path) -> Problem:
+    key = found.key
+    while key:
+        if key in sources:
+            return replace(found, file=sources[key])
+        key = parent_of(key)
+    return replace(found, file=str(file), line=line_of(found.key, lines))
+
+
+def _origins(scene: Scene, sources: dict[str, str]) -> dict[str, str]:
+    """Which layer set each render and camera key: `default`, `scene file`, or the name of a layer."""
+    origins: dict[str, str] = {}
+    for group, table in (("render", scene.render), ("camera", scene.camera)):
+        for name in type(table).model_fields:
+            given = "scene file" if name in table.model_fields_set else "default"
+            origins[f"{group}.{name}"] = sources.get(f"{group}.{name}", sources.get(group, given))
+    return origins

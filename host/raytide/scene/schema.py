@@ -1,0 +1,49 @@
+"""The JSON schema of scene files, for editors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+from raytide.scene.camera import CAMERAS
+from raytide.scene.kinds import GROUPS
+from raytide.scene.scene import FORMAT
+from raytide.scene.settings import RenderSettings
+from raytide.scene.shapes import SHAPES
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of a scene file; TOML files mean the same tables."""
+    models = [model for group in GROUPS.values() for model in group.values()]
+    names, root = models_json_schema([(model, "validation") for model in models])
+    definitions = root.get("$defs", {})
+    for group, kinds in GROUPS.items():
+        for kind, model in kinds.items():
+            entry = definitions[names[(model, "validation")]["$ref"].split("/")[-1]]
+            if group in ("materials", "lights") or model in SHAPES.values() and kind != "mesh":
+                entry.setdefault("required", []).append("type")
+            if model in SHAPES.values():
+                entry.setdefault("required", []).append("material")
+
+    def one_of(kinds: dict[str, type[Any]]) -> dict[str, Any]:
+        return {"oneOf": [names[(model, "validation")] for model in kinds.values()]}
+
+    tables = {name: {"type": "object", "additionalProperties": one_of(GROUPS[kind])} for name, kind in _TABLES.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "raytide scene",
+        "type": "object",
+        "properties": {
+            "format": {"const": FORMAT},
+            "camera": one_of(dict(CAMERAS)),
+            "render": names[(RenderSettings, "validation")],
+            **tables,
+        },
+        "required": ["camera"],
+        "additionalProperties": False,
+        "$defs": definitions,
+    }
+
+
+_TABLES = {"materials": "materials", "objects": "shapes", "lights": "lights"}

@@ -1,0 +1,34 @@
+"""Render settings: the `[render]` table."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from raytide.scene.model import Table
+from raytide.scene.values import Count, Flag, Number, key
+
+DEFAULT_WIDTH = {"box": 1.0, "gaussian": 4.0, "centre": 0.0}  # the Gaussian is cut at 2 pixels = 4 sigma of 0.5
+
+
+class RenderSettings(Table):
+    """How to render, apart from what is seen."""
+
+    integrator: Literal["path", "local"] = key("path", doc="path: global light; local: direct light and mirrors only")
+    spp: Count = key(64, low=1, high=2**24, unit="samples a pixel", doc="samples for each pixel")
+    max_depth: Count = key(8, low=1, high=1024, unit="edges", doc="longest path: 1 sees emitters, 2 adds direct light")
+    roulette_start: Count = key(
+        5, low=0, high=1024, unit="edges", doc="first edge where roulette may end a path; 0: never"
+    )
+    seed: Count = key(0, low=0, high=2**32 - 1, doc="another seed, another noise")
+    filter: Literal["box", "gaussian", "centre"] = key("box", doc="pixel filter; centre shoots through exact centres")
+    filter_width: Number | None = key(
+        None, above=0, high=16, unit="pixels", doc="full width of the filter; default 1 for box, 4 for gaussian"
+    )
+    bvh: Literal["sah", "lbvh", "none"] = key("sah", doc="tree builder; none tests every primitive")
+    shadows: Flag = key(True, doc="integrator local: whether lights cast shadows")
+    reflection_depth: Count = key(4, low=0, high=1024, doc="integrator local: longest chain of mirrors")
+
+    @property
+    def width(self) -> float:
+        """Full width of the pixel filter [pixels], the default filled in; a Gaussian's sigma is an eighth of it."""
+        return self.filter_width if self.filter_width is not None else DEFAULT_WIDTH[self.filter]

@@ -1,0 +1,58 @@
+"""Fixtures of all tests: every OpenCL device found, private caches, and the development data where it is present."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Caches of the tests live in one folder apart from the user's, set before any OpenCL platform starts.
+
+    RAYTIDE_TEST_CACHE keeps that folder between runs, which saves the kernel builds.
+    """
+    kept = os.environ.get("RAYTIDE_TEST_CACHE")
+    base = Path(kept) if kept else Path(config.cache.mkdir("raytide"))  # type: ignore[union-attr]
+    base.mkdir(parents=True, exist_ok=True)
+    os.environ["RAYTIDE_CACHE_DIR"] = str(base)
+    os.environ["PYOPENCL_NO_CACHE"] = "1"
+    for name in [name for name in os.environ if name.startswith("RAYTIDE_") and "CACHE" not in name]:
+        if name != "RAYTIDE_TEST_DEVICES":
+            del os.environ[name]  # a developer's settings must not decide a test
+
+
+def found_devices() -> list[str]:
+    """Ids of the devices to test on: all, or those that a word of RAYTIDE_TEST_DEVICES (commas) is part of."""
+    from raytide.device import list_devices
+
+    ids = [info.id for info in list_devices()]
+    words = [word for word in os.environ.get("RAYTIDE_TEST_DEVICES", "").split(",") if word]
+    return [name for name in ids if not words or any(word in name for word in words)]
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "device" in metafunc.fixturenames:
+        metafunc.parametrize("device", found_devices(), indirect=True, scope="session")
+
+
+@pytest.fixture(scope="session")
+def device(request: pytest.FixtureRequest) -> Iterator[object]:
+    """An open raytide.device.Device; tests that ask for it run on every device found."""
+    from raytide.device import open_device
+
+    opened = open_device(request.param)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of scenes, meshes and references of the development set; absent in a user's clone."""
+    if not SHARED_DATA.is_dir():
+        pytest.skip("development data is not beside this checkout")
+    return SHARED_DATA

@@ -1,0 +1,311 @@
+"""`raytide render` around the renderer: what it asks of it, what it writes where, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pytest
+
+from raytide.cli import render as command
+from raytide.cli.main import main
+
+HOST = Path(__file__).resolve().parents[2] / "host"
+SCENE = """
+format = 1
+[camera]
+origin = [0, 0, 4]
+target = [0, 0, 0]
+size = [20, 10]
+[render]
+spp = 8
+[materials.grey]
+type = "diffuse"
+reflectance = 0.5
+[objects.ball]
+type = "sphere"
+center = [0, 0, 0]
+radius = 1
+material = "grey"
+"""
+
+
+class FakeFilm:
+    """Counts samples and saves text that tells how it was asked."""
+
+    def __init__(self, spp: int) -> None:
+        self.spp = spp
+        self.samples = np.full((10, 20), spp)
+        self.stats = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01, "device": "fake/0"}
+
+    def save(self, path: Path, **options: Any) -> None:
+        Path(path).write_text(repr((self.spp, sorted(options.items()))))
+
+
+class FakeRenderer:
+    """Renders nothing, one sample a pass; `pause_s` long."""
+
+    pause_s = 0.0
+    excluded = 0
+    error: Exception | None = None
+    opened: list[FakeRenderer] = []
+
+    def __init__(self, scene: Any, device: Any, **options: Any) -> None:
+        self.scene, self.device, self.options = scene, device, options
+        self.stopped = threading.Event()
+        self.film = FakeFilm(0)
+        self.closed = False
+        self.opened.append(self)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.closed = True
+
+    def passes(self) -> Iterator[FakeFilm]:
+        for spp in range(1, self.scene.render.spp + 1):
+            time.sleep(self.pause_s)
+            if self.error:
+                raise self.error
+            self.film = FakeFilm(spp)
+            yield self.film
+            if self.stopped.is_set():
+                return
+
+    def stop(self) -> None:
+        self.stopped.set()
+
+    def health(self) -> dict[str, int]:
+        return {"non_finite": self.excluded, "negative": 0}
+
+    def report(self) -> dict[str, Any]:
+        return {"spp": self.film.spp, "times_s": {"render": 1.0}}
+
+
+def open_fake(job: Any, scene: Any, settings: Any) -> FakeRenderer:
+    host = {key: setting.value for key, setting in settings.host.items()}
+    return FakeRenderer(scene, host["device"], memory=host["memory"], threads=host["threads"], everything=job.everything)
+
+
+@pytest.fixture
+def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
+    """A working folder with scene.toml and a renderer that costs nothing."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
+    (tmp_path / "scene.toml").write_text(SCENE)
+    monkeypatch.setattr(command, "open_renderer", open_fake)
+    for name in ("pause_s", "excluded", "error"):
+        monkeypatch.setattr(FakeRenderer, name, getattr(FakeRenderer, name))
+    monkeypatch.setattr(FakeRenderer, "opened", [])
+    return FakeRenderer
+
+
+def test_stdout_holds_the_files_and_stderr_the_rest(
+    fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["render", "scene.toml", "-o", "deep/a.exr", "-o", "b.png"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines() == ["deep/a.exr", "b.png"]
+    assert err.splitlines() == ["raytide: 20x10, 8 spp in 4.00 s, 1.5 Mrays/s, estimated relMSE 1.00e-02 on fake/0"]
+    assert Path("deep/a.exr").read_text().startswith("(8, ")
+    assert fake.opened[0].closed
+
+
+def test_quiet_keeps_stderr_empty(fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "scene.toml", "-o", "a.exr", "--quiet"]) == 0
+    assert capsys.readouterr() == ("a.exr\n", "")
+
+
+def test_options_reach_the_renderer_and_the_scene(fake: type[FakeRenderer]) -> None:
+    words = "--spp 3 --size 4x2 --max-depth 2 --no-shadows --bvh none --seed 9 --integrator local --set materials.grey.reflectance=1"
+    host = "--device pocl --threads 2 --memory 64M --everything --half --exposure -1.5"
+    assert main(["render", "scene.toml", "-o", "a.exr", *words.split(), *host.split()]) == 0
+    (renderer,) = fake.opened
+    render = renderer.scene.render
+    assert (render.spp, render.max_depth, render.shadows, render.bvh, render.seed) == (3, 2, False, "none", 9)
+    assert renderer.scene.camera.size == (4, 2)
+    assert renderer.scene.materials["grey"].reflectance == (1, 1, 1)
+    assert (renderer.device, renderer.options) == ("pocl", {"memory": 2**26, "threads": 2, "everything": True})
+    saved = Path("a.exr").read_text()
+    assert "('half', True)" in saved
+    assert "('exposure', -1.5)" in saved
+    assert "variance" in saved
+
+
+@pytest.mark.parametrize("words", [["-o", "a.tif"], [], ["-o", "a.exr", "--spp", "0"], ["-o", "a.exr", "--set", "x"]])
+def test_usage_errors_exit_2_before_anything_is_opened(
+    fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    assert main(["render", "scene.toml", *words]) == 2
+    assert fake.opened == []
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "Traceback" not in err
+    assert err.startswith("raytide: ")
+
+
+def test_no_clobber_keeps_the_old_file(fake: type[FakeRenderer]) -> None:
+    Path("a.exr").write_text("old")
+    assert main(["render", "scene.toml", "-o", "a.exr", "--no-clobber"]) == 2
+    assert Path("a.exr").read_text() == "old"
+    assert fake.opened == []
+
+
+def test_missing_scene_exits_2_and_names_it(fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "absent.toml", "-o", "a.exr"]) == 2
+    assert "absent.toml" in capsys.readouterr().err
+
+
+def test_explain_alone_is_data_and_renders_nothing(
+    fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAYTIDE_SEED", "5")
+    words = ["--max-depth", "3", "--set", "materials.grey.reflectance=0.1"]
+    assert main(["render", "scene.toml", "--explain", *words]) == 0
+    out, err = capsys.readouterr()
+    rows = {line.split()[0]: line.split(maxsplit=2)[1:] for line in out.splitlines()}
+    assert err == ""
+    assert fake.opened == []
+    assert rows["render.spp"] == ["8", "scene file"]
+    assert rows["render.seed"] == ["5", "RAYTIDE_SEED"]
+    assert rows["render.max_depth"] == ["3", "--max-depth"]
+    assert rows["render.roulette_start"][1] == "default"
+    assert rows["materials.grey.reflectance"][0] == "0.1"
+    assert rows["device"] == ["-", "default"]
+
+
+def test_explain_with_output_renders_too(fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "scene.toml", "--explain", "-o", "a.exr"]) == 0
+    out, err = capsys.readouterr()
+    assert out == "a.exr\n"
+    assert "render.spp" in err
+
+
+def test_report_joins_the_renderers_figures_and_the_commands(fake: type[FakeRenderer]) -> None:
+    assert main(["render", "scene.toml", "-o", "a.exr", "--report", "reports/r.json"]) == 0
+    report = json.loads(Path("reports/r.json").read_text())
+    assert report["spp"] == 8
+    assert {"start", "import", "load", "write", "render"} <= report["times_s"].keys()
+    assert report["outputs"] == ["a.exr"]
+    assert report["command"].startswith("raytide ")
+
+
+def test_too_many_excluded_samples_exit_4_with_the_picture_kept(
+    fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fake, "excluded", 1)  # 1 of 1601 is too many, none is fine
+    assert main(["render", "scene.toml", "-o", "a.exr"]) == 4
+    assert Path("a.exr").exists()
+    assert "1 of 1601" in capsys.readouterr().err
+
+
+def test_log_json_makes_every_stderr_line_json(
+    fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("raytide.cli.progress.EVERY_S", 0.0)
+    monkeypatch.setenv("RAYTIDE_SP", "3")
+    assert main(["render", "scene.toml", "-o", "a.exr", "--log-json"]) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert [row["event"] for row in rows] == ["log"] + ["progress"] * 8 + ["done"]
+    assert rows[4]["spp"] == 4
+    assert rows[4]["left_s"] == pytest.approx(2.0)
+
+
+def test_progress_without_a_terminal_is_a_line_every_ten_seconds(
+    fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter(range(0, 1000, 4))
+    monkeypatch.setattr("raytide.cli.progress.time.monotonic", lambda: next(clock))
+    assert main(["render", "scene.toml", "-o", "a.exr"]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if "left" in line]
+    assert lines == ["raytide: 3/8 spp  1.5 Mrays/s  2 s left", "raytide: 6/8 spp  1.5 Mrays/s  1 s left"]
+
+
+CHILD = """
+import sys
+sys.path[:0] = {paths!r}
+import test_cli_render as here
+here.FakeRenderer.pause_s = {pause}
+here.command.open_renderer = here.{opener}
+sys.exit(here.main(["render", "scene.toml", "-o", "a.exr", "--spp", "1000"]))
+"""
+
+
+def open_slowly(job: Any, scene: Any, settings: Any) -> FakeRenderer:
+    print("opening", file=sys.stderr, flush=True)
+    time.sleep(20)
+    return open_fake(job, scene, settings)
+
+
+def open_loudly(job: Any, scene: Any, settings: Any) -> FakeRenderer:
+    renderer = open_fake(job, scene, settings)
+    first = renderer.passes
+
+    def passes() -> Iterator[FakeFilm]:
+        print("rendering", file=sys.stderr, flush=True)
+        yield from first()
+
+    renderer.passes = passes  # type: ignore[method-assign]
+    return renderer
+
+
+def start_child(folder: Path, pause: float, opener: str) -> subprocess.Popen[str]:
+    """A process that renders with the fake renderer, at the point where it says so on stderr."""
+    (folder / "scene.toml").write_text(SCENE)
+    code = CHILD.format(paths=[str(HOST), str(Path(__file__).parent)], pause=pause, opener=opener)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    child = subprocess.Popen([sys.executable, "-c", code], cwd=folder, text=True, env=dict(os.environ), **pipes)
+    assert child.stderr is not None
+    assert child.stderr.readline().strip() in ("opening", "rendering")
+    return child
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_first_signal_finishes_the_wave_and_saves(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    child = start_child(tmp_path, 0.05, "open_loudly")
+    time.sleep(0.3)
+    child.send_signal(number)
+    out, err = child.communicate(timeout=20)
+    assert child.returncode == code
+    assert out == "a.exr\n"
+    spp = int((tmp_path / "a.exr").read_text().split(",")[0][1:])
+    assert 1 <= spp < 1000
+    assert "Traceback" not in err
+    assert "partial" in err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_second_signal_ends_at_once_and_writes_nothing(tmp_path: Path) -> None:
+    child = start_child(tmp_path, 15.0, "open_loudly")
+    child.send_signal(signal.SIGINT)
+    assert child.stderr is not None
+    assert "once more" in child.stderr.readline()
+    begun = time.monotonic()
+    child.send_signal(signal.SIGINT)
+    assert child.wait(timeout=10) == 130
+    assert time.monotonic() - begun < 5
+    assert not (tmp_path / "a.exr").exists()
+    child.communicate()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_signal_before_the_first_wave_writes_nothing(tmp_path: Path) -> None:
+    child = start_child(tmp_path, 0.0, "open_slowly")
+    child.send_signal(signal.SIGTERM)
+    out, err = child.communicate(timeout=10)
+    assert child.returncode == 143
+    assert out == ""
+    assert "nothing was written" in err
+    assert "Traceback" not in err
+    assert not (tmp_path / "a.exr").exists()

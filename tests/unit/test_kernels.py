@@ -1,0 +1,87 @@
+"""The records table, the feature switches and the assembly of sources, without any device."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from raytide.kernels import NONE, RECORDS, Features, assemble
+from raytide.kernels.features import kind_number, kinds
+from raytide.kernels.records import Member, Record
+
+FEATURES = Features(
+    materials=(("diffuse", (("reflectance", 3),)), ("rough_conductor", (("eta", 3), ("k", 3), ("roughness", 1)))),
+    shapes=("sphere",),
+    lights=("point",),
+)
+
+
+@pytest.mark.parametrize("record", RECORDS.values(), ids=lambda record: record.name)
+def test_numpy_layout_has_the_offsets_of_the_table(record: Record) -> None:
+    assert record.dtype.itemsize == record.size == record.size // 16 * 16
+    for member in record.members:
+        assert record.dtype.fields[member.name][1] == record.offsets[member.name]
+
+
+def test_misaligned_member_is_refused() -> None:
+    bad = Record("Bad", "", (Member("float", "a", "", ""), Member("float4", "b", "", "")))
+    with pytest.raises(ValueError, match="Bad.b"):
+        _ = bad.offsets
+
+
+def test_documented_sizes_of_tree_and_trace_records() -> None:
+    sizes = {name: RECORDS[name].size for name in ("Ray", "Hit", "Node", "Block", "Shape")}
+    assert sizes == {"Ray": 32, "Hit": 16, "Node": 256, "Block": 320, "Shape": 128}
+
+
+def test_every_switch_is_defined_as_0_or_1() -> None:
+    text = assemble("", FEATURES, "kernel void k() {}").text
+    for name, on in FEATURES.switches().items():
+        assert f"#define HAS_{name.upper()} {int(on)}\n" in text
+    used = set(re.findall(r"\bHAS_[A-Z_0-9]+", assemble("wave/shade.cl", FEATURES).text))
+    assert used <= {f"HAS_{name.upper()}" for name in FEATURES.switches()}
+
+
+def test_source_has_only_the_files_a_scene_needs() -> None:
+    files = assemble("wave/shade.cl", FEATURES).files
+    assert "material/diffuse.cl" in files and "shape/sphere.cl" in files and "light/point.cl" in files
+    assert not any(name in files for name in ("material/glossy.cl", "shape/box.cl", "light/spot.cl"))
+    assert len(files) == len(set(files))
+
+
+def test_values_never_change_a_source_and_kinds_do() -> None:
+    text = assemble("wave/shade.cl", FEATURES).sha256
+    assert assemble("wave/shade.cl", replace(FEATURES)).sha256 == text
+    flipped = [
+        assemble("wave/shade.cl", replace(FEATURES, **{field.name: not getattr(FEATURES, field.name)})).sha256
+        for field in fields(Features)
+        if field.type == "bool"
+    ]
+    assert text not in flipped and len(set(flipped)) == len(flipped)
+
+
+def test_line_marks_name_every_file() -> None:
+    source = assemble("wave/film.cl", FEATURES)
+    for name in source.files:
+        assert f'#line 1 "{name}"' in source.text
+
+
+def test_include_cycle_and_missing_file_are_errors() -> None:
+    with pytest.raises(FileNotFoundError):
+        assemble("", FEATURES, '#include "base/nowhere.cl"\n')
+
+
+def test_kind_numbers_are_places_in_the_folder_listing() -> None:
+    for group in ("material", "shape", "light"):
+        assert [kind_number(group, kind) for kind in kinds(group)] == list(range(len(kinds(group))))
+    assert "pick" not in kinds("light")
+    assert NONE == np.uint32(-1 & 0xFFFFFFFF)
+
+
+def test_parameters_are_loaded_in_packing_order() -> None:
+    text = assemble("", FEATURES, "kernel void k() {}").text
+    assert "out.k = (float3)(m->p0.s3, m->p1.s0, m->p1.s1);" in text
+    assert "out.roughness = m->p1.s2;" in text
