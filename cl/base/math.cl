@@ -6,7 +6,6 @@
 //   sin_cos_turns (|t| <= 16) and sin_cos (|x| <= 1e4): 1.6 where the result exceeds 2^-12, else 1e-7 absolute
 //   log_of, normal x: 0.9;  acos_of: 1.3
 
-#define TWO_PI 6.28318530717958648f
 #define PI 3.14159265358979324f
 #define HALF_PI 1.57079632679489662f
 #define QUARTER_PI 0.785398163397448310f

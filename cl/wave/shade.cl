@@ -52,7 +52,15 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #if HAS_LIGHTS
     const float4 light_u = sample_4d(sampler, SET_LIGHT(edge));
     const ShadowRay direct = sample_direct(lights, settings, g, &vertex, xyz(state), light_u);
-    if (direct.valid) {
+#if HAS_LOCAL
+    const int asks = direct.valid && settings->shadows;
+    if (direct.valid && !asks) {
+        samples[path.x] += make4(direct.light, 0.0f);
+    }
+#else
+    const int asks = direct.valid;
+#endif
+    if (asks) {
         shadow_rays[slot] = direct.ray;
         shadow_light[slot] = make4(direct.light, float_of(path.x));
         next |= STATUS_SHADOW;

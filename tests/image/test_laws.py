@@ -80,7 +80,7 @@ def test_sky_seen_through_lossless_material_stays_the_sky(device: Device, materi
     scene = looking((0, 0, 4), (0, 0, 0), fov=20, size=(16, 16))
     made = {
         "glossy": rt.Glossy(1.0, specular=0.5, roughness=1e-4),
-        "rough_conductor": rt.RoughConductor(eta=1e-4, k=1e4, roughness=1e-3),
+        "rough_conductor": rt.RoughConductor(eta=1e-3, k=1e3, roughness=1e-3),
         "dielectric": rt.Dielectric(1.5),
         "mirror": rt.Mirror(1.0),
     }[material]

@@ -45,7 +45,8 @@ class FakeFilm:
     def __init__(self, spp: int) -> None:
         self.spp = spp
         self.samples = np.full((10, 20), spp)
-        self.stats = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01, "device": "fake/0"}
+        self.stats: dict[str, Any] = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01}
+        self.stats["device"] = "fake/0"
 
     def save(self, path: Path, **options: Any) -> None:
         Path(path).write_text(repr((self.spp, sorted(options.items()))))
@@ -94,7 +95,7 @@ class FakeRenderer:
 
 def open_fake(job: Any, scene: Any, settings: Any) -> FakeRenderer:
     host = {key: setting.value for key, setting in settings.host.items()}
-    return FakeRenderer(scene, host["device"], memory=host["memory"], threads=host["threads"], everything=job.everything)
+    return FakeRenderer(scene, host.pop("device"), everything=job.everything, **host)
 
 
 @pytest.fixture
@@ -127,7 +128,8 @@ def test_quiet_keeps_stderr_empty(fake: type[FakeRenderer], capsys: pytest.Captu
 
 
 def test_options_reach_the_renderer_and_the_scene(fake: type[FakeRenderer]) -> None:
-    words = "--spp 3 --size 4x2 --max-depth 2 --no-shadows --bvh none --seed 9 --integrator local --set materials.grey.reflectance=1"
+    words = "--spp 3 --size 4x2 --max-depth 2 --no-shadows --bvh none --seed 9 --integrator local"
+    words += " --set materials.grey.reflectance=1"
     host = "--device pocl --threads 2 --memory 64M --everything --half --exposure -1.5"
     assert main(["render", "scene.toml", "-o", "a.exr", *words.split(), *host.split()]) == 0
     (renderer,) = fake.opened

@@ -24,7 +24,9 @@ VENDORS = "nvidia amd intel pocl apple cuda mali adreno qualcomm rocm clover mes
 MOST_LINES, MOST_FUNCTION_LINES, MOST_KERNEL_LINES = 400, 60, 80
 MEMBER_TYPES = {"float", "int", "uint", "float4", "uint4", "float8", "uint8"}
 # A function's head at the start of a line, up to the brace that opens its body.
-HEAD = re.compile(r"^[ \t]*(?P<head>[A-Za-z_](?:(?!\breturn\b|\belse\b)[\w \t*])*?(?P<name>\b\w+)\s*\([^;{}]*\))\s*\{", re.MULTILINE)
+HEAD = re.compile(
+    r"^[ \t]*(?P<head>[A-Za-z_](?:(?!\breturn\b|\belse\b)[\w \t*])*?(?P<name>\b\w+)\s*\([^;{}]*\))\s*\{", re.MULTILINE
+)
 
 
 def name_of(path: Path) -> str:
@@ -56,7 +58,7 @@ def test_the_reader_of_this_test_sees_functions() -> None:
     found = {name: (head.split()[0], lines) for head, name, lines in functions_of(code_of(CL / "wave" / "primary.cl"))}
     assert found["primary"][0] in ("kernel", "__kernel")
     assert all(lines > 1 for _, lines in found.values())
-    sample = "#define X(a) { a }\nstatic float f(const int a,\n  const int b)\n{\n  if (a) { return 1; }\n}\nint g() {}\n"
+    sample = "#define X(a) { a }\nstatic int f(const int a,\n  const int b)\n{\n  if (a) { return 1; }\n}\nint g() {}\n"
     assert [(name, lines) for _, name, lines in functions_of(sample)] == [("f", 5), ("g", 1)]
 
 

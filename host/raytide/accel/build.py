@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from raytide.accel.host_sah import sah_order
 from raytide.accel.host_tree import HostTree, pack_blocks
 from raytide.accel.limits import max_depth
 from raytide.accel.morton import morton_order
-from raytide.accel.tree import EMPTY_HIGH, EMPTY_LOW, HIGH_ROWS, LOW_ROWS, FlatGeometry, Tree, TreeStats, sah_cost
-from raytide.accel.wide import Cut, cut
+from raytide.accel.tree import LEAF_BIT, FlatGeometry, Packed, Tree, TreeStats, empty_nodes, sah_cost
+from raytide.accel.wide import BinaryTree, cut
 from raytide.errors import UsageError
 from raytide.kernels.records import NONE, RECORDS
 
@@ -23,15 +23,16 @@ if TYPE_CHECKING:
 
 BUILDERS = ("sah", "lbvh", "none")
 
-# Up to this many primitives numpy on the host is faster than loading the kernels from a warm cache (measured: see
-# the table in tools/); both give the same tree.
-HOST_LIMIT = 1024
+# Up to this many primitives numpy on the host is no slower than loading the kernels from a warm cache, and spares
+# their compilation on a cold one; both give the same bytes. SAH, first build of a process, 2 cores, PoCL 3.0, ms
+# (host / device): 32 primitives 5/30-70, 300 8/23, 1000 14/25, 2000 25-34/25, 4000 43/35; cold kernels: 2000-4000.
+HOST_LIMIT = 2048
 
 # Block numbers have 27 bits in a child word, names of primitives 30 bits.
 MAX_PRIMITIVES = 1 << 27
 
 
-def build_tree(geometry: FlatGeometry, builder: str, device: Device | None, place: str = "") -> Tree:
+def build_tree(geometry: FlatGeometry, builder: str, device: Device | None, place: Literal["", "host", "device"] = "") -> Tree:
     """The 8-wide tree of `geometry`; the same bytes on every run, and from the host and the device builder.
 
     builder: "sah" (binned surface area heuristic), "lbvh" (Morton order) or "none" (blocks only, for brute force).
@@ -43,24 +44,22 @@ def build_tree(geometry: FlatGeometry, builder: str, device: Device | None, plac
     if geometry.primitive_count > MAX_PRIMITIVES:
         raise UsageError(f"{geometry.primitive_count} primitives; a tree holds at most {MAX_PRIMITIVES}")
     start = time.perf_counter()
-    if builder == "none":
+    if builder == "none" or geometry.primitive_count == 0:
         blocks = _blocks_in_order(geometry)
-        return Tree(_no_nodes(0), blocks, _stats("none", "host", _no_nodes(0), blocks, 0, start, 0.0))
-    if geometry.primitive_count == 0:
-        nodes, blocks = _no_nodes(1), np.zeros(0, RECORDS["Block"].dtype)
-        return Tree(nodes, blocks, _stats(builder, "host", nodes, blocks, 1, start, 0.0))
+        packed = Packed(empty_nodes(0 if builder == "none" else 1), len(blocks), lambda: blocks)
+        return Tree(packed, _stats(builder, "host", packed, 0 if builder == "none" else 1, geometry, start, 0.0))
     on_host = place == "host" or device is None or (not place and geometry.primitive_count <= HOST_LIMIT)
-    built = _HostBuilder(geometry) if on_host else DeviceBuilder(geometry, device)
-    tree = built.tree(builder)
+    source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device)
+    tree: BinaryTree = source.tree(builder)
     found = cut(tree, max_depth())
     if found is None:  # a Morton tree over positions of very different size; the SAH builder bounds its depth
         builder = "sah"
-        tree = built.tree(builder)
+        tree = source.tree(builder)
         found = cut(tree, max_depth())
-    assert found is not None, "the SAH tree is bounded in depth"
-    nodes, blocks = tree.pack(found.names, found.numbers, found.blocks)
+        assert found is not None, "halving bounds the depth of the SAH tree"
+    packed = tree.pack(found)
     where = "host" if on_host else "device"
-    return Tree(nodes, blocks, _stats(builder, where, nodes, blocks, found.depth, start, built.kernel_build_s))
+    return Tree(packed, _stats(builder, where, packed, found.depth, geometry, start, source.kernel_build_s))
 
 
 class _HostBuilder:
@@ -82,15 +81,6 @@ class _HostBuilder:
         return HostTree(self._geometry, primitives, levels, self._scale)
 
 
-def _no_nodes(count: int) -> np.ndarray:
-    """`count` nodes with nothing but empty lanes."""
-    nodes = np.zeros(count, RECORDS["Node"].dtype)
-    nodes["child"] = NONE
-    for low, high in zip(LOW_ROWS, HIGH_ROWS, strict=True):
-        nodes[low], nodes[high] = EMPTY_LOW, EMPTY_HIGH
-    return nodes
-
-
 def _blocks_in_order(geometry: FlatGeometry) -> np.ndarray:
     count = len(geometry.triangles)
     ids = np.arange(-(-count // 8) * 8, dtype=np.uint32)
@@ -98,20 +88,18 @@ def _blocks_in_order(geometry: FlatGeometry) -> np.ndarray:
 
 
 def _stats(
-    builder: str, place: str, nodes: np.ndarray, blocks: np.ndarray, depth: int, start: float, kernel_build_s: float
+    builder: str, place: str, packed: Packed, depth: int, geometry: FlatGeometry, start: float, kernel_build_s: float
 ) -> TreeStats:
-    child = nodes["child"]
-    leaves = int(((child != NONE) & (child >= 0x80000000)).sum())
-    triangles = int((blocks["prim"] != NONE).sum())
-    size = nodes.nbytes + blocks.nbytes
+    child, triangles = packed.nodes["child"], len(geometry.triangles)
+    size = packed.nodes.nbytes + packed.block_count * RECORDS["Block"].size
     return TreeStats(
         builder=builder,
         place=place,
-        nodes=len(nodes),
-        leaves=leaves if len(nodes) else len(blocks),
+        nodes=len(packed.nodes),
+        leaves=int(((child != NONE) & (child >= LEAF_BIT)).sum()) if builder != "none" else packed.block_count,
         depth=depth,
-        sah_cost=sah_cost(nodes) if len(nodes) else 0.0,
-        leaf_fill=triangles / len(blocks) if len(blocks) else 0.0,
+        sah_cost=sah_cost(packed.nodes) if len(packed.nodes) else 0.0,
+        leaf_fill=triangles / packed.block_count if packed.block_count else 0.0,
         bytes=size,
         bytes_per_triangle=size / triangles if triangles else 0.0,
         build_s=time.perf_counter() - start - kernel_build_s,

@@ -9,7 +9,8 @@ import numpy as np
 from raytide.accel.boxes import centers_of, edge_scale, shape_boxes
 from raytide.accel.limits import kernel_constant
 from raytide.accel.morton import grid_scale, refined_order
-from raytide.accel.tree import FlatGeometry
+from raytide.accel.tree import FlatGeometry, Packed
+from raytide.accel.wide import Cut
 from raytide.kernels import NONE, RECORDS, Features, assemble
 
 if TYPE_CHECKING:
@@ -44,9 +45,8 @@ class DeviceBuilder:
         return float(self.program.build_s + self.program.first_launch_s)
 
     def launch(self, kernel: str, items: int, *arguments: object, local: int = _LOCAL) -> None:
-        """`items` work-items, rounded up to whole groups; kernels take their number as first argument."""
-        size = -(-items // local) * local
-        self.device.launch(self.program, kernel, size, local, np.uint32(items), *arguments, label="build")
+        """`items` work-items; kernels take their number as first argument."""
+        self.device.launch(self.program, kernel, items, local, np.uint32(items), *arguments, label="build")
 
     def _primitive_boxes(self) -> Buffer:
         boxes = self.device.empty(self._count * 32)
@@ -189,17 +189,23 @@ class DeviceTree:
         )  # fmt: skip
         return device.read(children, np.uint32, len(roots) * 8).reshape(-1, 8)
 
-    def pack(self, names: np.ndarray, numbers: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Arrays of Node and Block, read back from the device."""
+    def pack(self, found: Cut) -> Packed:
+        """Records of a cut; blocks stay on the device until they are asked for."""
         device, node, block = self._builder.device, RECORDS["Node"], RECORDS["Block"]
-        nodes, packed = device.empty(len(names) * node.size), device.empty(len(blocks) * block.size)
+        node_count, block_count = len(found.names), len(found.blocks)
+        nodes, blocks = device.empty(node_count * node.size), device.empty(block_count * block.size)
         self._builder.launch(
-            "pack_nodes", len(names), self._triangles, device.upload(names), device.upload(numbers), self._ordered,
-            self._boxes, self._ranges, nodes,
+            "pack_nodes", node_count, self._triangles, device.upload(found.names), device.upload(found.numbers),
+            self._ordered, self._boxes, self._ranges, nodes,
         )  # fmt: skip
-        if len(blocks):
-            self._builder.launch(
-                "pack_blocks", len(blocks), device.upload(blocks), self._ordered, self._ranges, self._builder.vertices,
-                self._builder.triangles, packed,
-            )  # fmt: skip
-        return device.read(nodes, node.dtype, len(names)), device.read(packed, block.dtype, len(blocks))
+        self._builder.launch(
+            "pack_blocks", block_count, device.upload(found.blocks), self._ordered, self._ranges,
+            self._builder.vertices, self._builder.triangles, blocks,
+        )  # fmt: skip
+        return Packed(
+            device.read(nodes, node.dtype, node_count),
+            block_count,
+            lambda: device.read(blocks, block.dtype, block_count),
+            (nodes, blocks),
+            device,
+        )

@@ -8,8 +8,18 @@ from __future__ import annotations
 import numpy as np
 
 from raytide.accel.boxes import half_area, ids_of
-from raytide.accel.tree import ANALYTIC_BIT, EMPTY_HIGH, EMPTY_LOW, HIGH_ROWS, LEAF_BIT, LOW_ROWS, FlatGeometry
-from raytide.accel.wide import GROUP_NAME, LEAF_NAME
+from raytide.accel.tree import (
+    ANALYTIC_BIT,
+    EMPTY_HIGH,
+    EMPTY_LOW,
+    HIGH_ROWS,
+    LEAF_BIT,
+    LOW_ROWS,
+    FlatGeometry,
+    Packed,
+    empty_nodes,
+)
+from raytide.accel.wide import GROUP_NAME, LEAF_NAME, Cut
 from raytide.kernels.records import NONE, RECORDS
 
 
@@ -86,8 +96,9 @@ class HostTree:
                 stack.append((int(self._left[row]), to_left))
         return found
 
-    def pack(self, names: np.ndarray, numbers: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Arrays of Node and Block; arguments as in raytide.accel.wide.Cut."""
+    def pack(self, found: Cut) -> Packed:
+        """Arrays of Node and Block for a cut; `pack_nodes` and `pack_blocks` of build/pack.cl."""
+        names, numbers = found.names, found.numbers
         leaf, group = (names & LEAF_NAME) != 0, (names & GROUP_NAME) != 0
         empty = names == NONE
         place = names & ~np.uint32(LEAF_NAME | GROUP_NAME)
@@ -98,12 +109,13 @@ class HostTree:
         prim = self.boxes[rows][..., 3].copy().view(np.uint32)
         shape = LEAF_BIT | ANALYTIC_BIT | (prim - np.uint32(self.triangles))
         child = np.where(leaf & group, shape, np.where(leaf | group, block, numbers))
-        nodes = np.zeros(len(names), RECORDS["Node"].dtype)
+        nodes = empty_nodes(len(names))
         nodes["child"] = np.where(empty, NONE, child)
         for axis in range(3):
             nodes[LOW_ROWS[axis]] = np.where(empty, EMPTY_LOW, low[..., axis])
             nodes[HIGH_ROWS[axis]] = np.where(empty, EMPTY_HIGH, -low[..., 4 + axis])
-        return nodes, self._pack_blocks(blocks)
+        blocks = self._pack_blocks(found.blocks)
+        return Packed(nodes, len(blocks), lambda: blocks)
 
     def _pack_blocks(self, names: np.ndarray) -> np.ndarray:
         place = (names & ~np.uint32(LEAF_NAME | GROUP_NAME)).astype(np.int64)

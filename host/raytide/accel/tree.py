@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytide.kernels.records import RECORDS
+from raytide.kernels.records import NONE, RECORDS
+
+if TYPE_CHECKING:
+    from raytide.device import Buffer, Device
 
 LEAF_BIT = np.uint32(0x80000000)
 ANALYTIC_BIT = np.uint32(0x40000000)
@@ -58,15 +64,53 @@ class TreeStats:
 
 
 @dataclass(frozen=True)
+class Packed:
+    """Nodes (n,) of the record Node, and the blocks: on the host, or on a device until someone asks for them."""
+
+    nodes: np.ndarray
+    block_count: int
+    read_blocks: Callable[[], np.ndarray]
+    buffers: tuple[Buffer, Buffer] | None = None  # nodes, blocks
+    device: Device | None = None
+
+
 class Tree:
-    """The 8-wide tree: nodes and blocks are arrays of the records Node and Block; node 0 is the root.
+    """The 8-wide tree: `nodes` and `blocks` are arrays of the records Node and Block; node 0 is the root.
 
     Builder "none" gives no nodes, and blocks in order of triangle id.
     """
 
-    nodes: np.ndarray
-    blocks: np.ndarray
-    stats: TreeStats
+    def __init__(self, packed: Packed, stats: TreeStats) -> None:
+        self._packed = packed
+        self.stats = stats
+
+    @property
+    def nodes(self) -> np.ndarray:
+        return self._packed.nodes
+
+    @property
+    def block_count(self) -> int:
+        return self._packed.block_count
+
+    @cached_property
+    def blocks(self) -> np.ndarray:
+        """Blocks on the host; copied from the device when first asked for."""
+        return self._packed.read_blocks()
+
+    def buffers(self, device: Device) -> tuple[Buffer, Buffer]:
+        """Nodes and blocks on `device`: those of the build where it ran there, else a copy."""
+        if self._packed.buffers is not None and self._packed.device is device:
+            return self._packed.buffers
+        return device.upload(self.nodes), device.upload(self.blocks)
+
+
+def empty_nodes(count: int) -> np.ndarray:
+    """`count` nodes with nothing but empty lanes."""
+    nodes = np.zeros(count, RECORDS["Node"].dtype)
+    nodes["child"] = NONE
+    for low, high in zip(LOW_ROWS, HIGH_ROWS, strict=True):
+        nodes[low], nodes[high] = EMPTY_LOW, EMPTY_HIGH
+    return nodes
 
 
 def node_boxes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -87,4 +131,4 @@ def sah_cost(nodes: np.ndarray) -> float:
     surface = edge[..., 0] * edge[..., 1] + edge[..., 1] * edge[..., 2] + edge[..., 2] * edge[..., 0]
     span = high[0][filled[0]].max(axis=0).astype(np.float64) - low[0][filled[0]].min(axis=0)
     root = span[0] * span[1] + span[1] * span[2] + span[2] * span[0]
-    return 1.0 + (float(surface.sum()) / root if root > 0 else float(filled.sum()))
+    return float(1.0 + (surface.sum() / root if root > 0 else filled.sum()))

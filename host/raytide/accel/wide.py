@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from raytide.accel.tree import Packed
 from raytide.kernels.records import NONE
 
 LEAF_NAME = 0x80000000  # build/hierarchy.cl
@@ -24,8 +25,8 @@ class BinaryTree(Protocol):
     def expand(self, roots: np.ndarray, by_levels: bool) -> np.ndarray:
         """Names (m, 8) uint32 of the wide children of binary nodes (m,), NONE where empty."""
 
-    def pack(self, names: np.ndarray, numbers: np.ndarray, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Arrays of Node and Block for a cut."""
+    def pack(self, found: Cut) -> Packed:
+        """The records of a cut."""
 
 
 @dataclass(frozen=True)

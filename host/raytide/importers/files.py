@@ -78,5 +78,5 @@ def _sibling(path: Path | str) -> str | None:
             names = [entry.name for entry, _ in zip(entries, range(10_000), strict=False)]
     except (OSError, ValueError):
         return None
-    found = get_close_matches(Path(path).name, names, n=1, cutoff=0.6)
+    found = get_close_matches(Path(path).name, names, n=1, cutoff=0.7)
     return f"did you mean {found[0]!r}?" if found else None

@@ -17,7 +17,7 @@ SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
 
 
 def load_mesh(path: str | os.PathLike[str]) -> MeshData:
-    """All triangles of a geometry file as one mesh, in the file's units; the nodes of a glTF are moved by their transforms.
+    """All triangles of a geometry file as one mesh in the file's units, the nodes of a glTF moved by their transforms.
 
     Non-finite vertices and zero-area triangles are dropped and told in `warnings`. Raises SceneError that names the
     file for anything else: unreadable, too large, corrupt, index out of range, not supported.

@@ -64,8 +64,8 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     )
 
 
-def pack(flat: FlatScene) -> PackedScene:
-    """Records of `flat`, relative to its camera."""
+def pack(flat: FlatScene, features: Features) -> PackedScene:
+    """Records of `flat`, relative to its camera, as kernels with `features` read them."""
     origin = np.asarray(flat.camera.origin, np.float64)
     planes_first = sorted(range(len(flat.shapes)), key=lambda j: flat.shapes[j].kind != "plane")
     geometry = _geometry(flat, origin, planes_first)
@@ -73,7 +73,7 @@ def pack(flat: FlatScene) -> PackedScene:
     lights, environment = pack_lights(flat, geometry, objects, origin, planes_first)
     return PackedScene(
         geometry=geometry,
-        normals=_normals(flat),
+        normals=_normals(flat, features),
         objects=objects,
         materials=_materials(flat),
         lights=lights,
@@ -110,8 +110,11 @@ def _geometry(flat: FlatScene, origin: np.ndarray, planes_first: list[int]) -> F
     return FlatGeometry(_rows(flat.vertices - origin), triangles, shapes, planes)
 
 
-def _normals(flat: FlatScene) -> np.ndarray:
-    return _rows(flat.normals) if flat.normals is not None else np.zeros((0, 4), np.float32)
+def _normals(flat: FlatScene, features: Features) -> np.ndarray:
+    """One row a vertex, or none where no kernel reads them; zero rows ask for the flat normal."""
+    if flat.normals is not None:
+        return _rows(flat.normals)
+    return np.zeros((len(flat.vertices) if features.smooth else 0, 4), np.float32)
 
 
 def _objects(flat: FlatScene, planes_first: list[int]) -> np.ndarray:

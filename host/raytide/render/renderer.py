@@ -78,7 +78,7 @@ class Renderer:
         with self._timed("pack"):
             self.flat: FlatScene = with_settings(self.scene.flatten(), self.settings)
             self.features: Features = features_of(self.flat, self.everything)
-            self.packed: PackedScene = pack(self.flat)
+            self.packed: PackedScene = pack(self.flat, self.features)
         with self._timed("kernels"):
             sources = {w.name: assemble(w.entry, self.features) for w in schedule.WAVES if w.needed(self.features)}
             self.sources = sources

@@ -36,7 +36,7 @@ def scene_digest(scene: Scene, with_render: bool) -> str:
             for array in (mesh.vertices, mesh.triangles, mesh.normals, mesh.uv):
                 if array is not None:
                     digest.update(f"{array.dtype.str}{array.shape}".encode())
-                    digest.update(memoryview(np.ascontiguousarray(array)))
+                    digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 

@@ -18,6 +18,7 @@ from raytide.scene.parse import parse_text, read_text, unknown_key
 from raytide.scene.positions import find_keys, line_of, parent_of
 from raytide.scene.scene import FORMAT, GROUPS, Scene, make_table, name_fault
 from raytide.scene.settings import RenderSettings
+from raytide.scene.shapes import Box, Mesh, Shape
 
 TOP = ["format", "camera", "render", *GROUPS]
 
@@ -76,9 +77,18 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
     scene = Scene(camera or stand_in, render, folder=folder, allow_outside=allow_outside)  # type: ignore[arg-type]
     for group, made in tables.items():
         getattr(scene, group).update(made)
+    for name, table in (raw["objects"].items() if isinstance(raw.get("objects"), dict) else ()):
+        if name not in scene.objects and isinstance(table, dict):
+            scene.objects[name] = _stand_in(table)
     written = raw.get("materials", {})
     problems += object_problems(scene, list(written) if isinstance(written, dict) else [])
-    return (None if camera is None else scene), problems
+    return (None if camera is None or len(scene.objects) > len(tables["objects"]) else scene), problems
+
+
+def _stand_in(table: dict[str, Any]) -> Shape:
+    """A sound shape with the names that a refused one gives, so that those are checked too."""
+    names = {name: value for name in ("material", "mesh") if isinstance(value := table.get(name), str)}
+    return Mesh(**names) if "mesh" in names else Box(**names)
 
 
 def _format_problems(number: Any) -> list[Problem]:

@@ -28,7 +28,7 @@ class Shape(Table):
     NESTED: ClassVar[dict[str, type[BaseModel]]] = {"transform": Step}
     EMITS: ClassVar[bool] = True  # whether an emissive material is allowed on it
     type: str
-    material: str | None = key(None, doc="name of its material")
+    material: str | None = key(None, doc="name of its material; every object of a file needs one")
     transform: Annotated[list[Step], Kind("a list of steps: scale, rotate, translate, matrix")] = Field(
         default_factory=list, description="steps applied in order"
     )

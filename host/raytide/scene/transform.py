@@ -63,7 +63,7 @@ class Step(Part):
     scale: Annotated[
         float | tuple[float, float, float] | None, BeforeValidator(_as_scale), Kind("a number or [x, y, z]")
     ] = key(None, doc="factor along each axis")
-    rotate: Rotate | None = key(None, doc="a turn about an axis through the origin")
+    rotate: Annotated[Rotate | None, Kind("{axis, degrees}")] = key(None, doc="a turn about an axis through the origin")
     translate: Point | None = key(None, unit="m", doc="shift")
     matrix: Annotated[
         tuple[float, ...] | None, BeforeValidator(_as_matrix), Kind("16 numbers, row by row, last row 0, 0, 0, 1")

@@ -99,7 +99,7 @@ _VECTOR_SCHEMA = WithJsonSchema({"type": "array", "items": {"type": "number"}, "
 Number = Annotated[float, BeforeValidator(as_number), Kind("a number")]
 Count = Annotated[int, BeforeValidator(as_count), Kind("a whole number")]
 Flag = Annotated[bool, Kind("true or false")]
-Point = Annotated[Vector, BeforeValidator(as_vector), Kind("[x, y, z]"), _VECTOR_SCHEMA]
+Point = Annotated[Vector, BeforeValidator(as_vector), Kind("finite [x, y, z]"), _VECTOR_SCHEMA]
 Direction = Annotated[Vector, BeforeValidator(as_direction), Kind("a direction [x, y, z], not zero"), _VECTOR_SCHEMA]
 Emission = Annotated[
     Vector, BeforeValidator(as_colour), _between(0, LARGEST), Kind("a number or [r, g, b]", 0), _colour_schema(None)
