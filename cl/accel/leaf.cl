@@ -29,25 +29,21 @@ static int better(const Closest *best, const float t, const uint prim)
 }
 
 #if HAS_TRIANGLES
-static float3 lane_row(global const Block *block, const uint vertex, const uint lane)
+static float4 lane_vertex(global const Block *block, const uint vertex, const uint lane)
 {
     global const float *values = (global const float *)block + (24u * vertex + lane);
-    return (float3)(values[0], values[8], values[16]);
+    return (float4)(values[0], values[8], values[16], 0.0f);
 }
 
 // t of a triangle met at `depth`, no earlier than its box; negative if the box is not met up to `limit`.
-static float triangle_t(global const Block *block, const uint lane, const Query *q, const float depth,
+ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane, const Query *q, const float depth,
                         const float limit)
 {
-    const float3 a = lane_row(block, 0u, lane);
-    const float3 b = lane_row(block, 1u, lane);
-    const float3 c = lane_row(block, 2u, lane);
-    const float3 low = (float3)(min_of(a.x, min_of(b.x, c.x)), min_of(a.y, min_of(b.y, c.y)),
-                                min_of(a.z, min_of(b.z, c.z)));
-    const float3 high = (float3)(max_of(a.x, max_of(b.x, c.x)), max_of(a.y, max_of(b.y, c.y)),
-                                 max_of(a.z, max_of(b.z, c.z)));
+    const float4 a = lane_vertex(block, 0u, lane);
+    const float4 b = lane_vertex(block, 1u, lane);
+    const float4 c = lane_vertex(block, 2u, lane);
     float enter;
-    const int met = box_met(q->slab, low, high, limit, &enter);
+    const int met = box_met(q->slab, min4(a, min4(b, c)), max4(a, max4(b, c)), limit, &enter);
     return met ? max_of(depth / q->shear.length_z, enter * NEAR_SCALE) : NO_HIT;
 }
 
@@ -114,8 +110,8 @@ static int visit_shape(const Geometry g, const Query *q, const uint index, Close
 #if HAS_ANALYTIC
     if (s->kind != SHAPE_PLANE) {
         float enter;
-        const float3 extent = shape_extent(s);
-        const float3 center = xyz(s->center);
+        const float4 extent = make4(shape_extent(s), 0.0f);
+        const float4 center = make4(xyz(s->center), 0.0f);
         if (!box_met(q->slab, center - extent, center + extent, best->t, &enter)) {
             return 0;
         }

@@ -74,7 +74,7 @@ static int prepare_ray(const Geometry g, const Ray ray, TraceRay *out)
     out->o = o;
     out->d = d * scale;
     out->t_unit = scale;
-    out->t_max = min_of(ray.direction.w / scale, 3.4028235e38f);
+    out->t_max = min_of(ray.direction.w * power_below(longest), 3.4028235e38f);
     out->skip = bits_of(ray.origin.w);
     out->extent = max_of(geometry_extent(g), max_of(largest3(abs3(o)), 1.1754944e-38f));
     return 1;

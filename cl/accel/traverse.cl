@@ -34,10 +34,10 @@ static int visit_leaf(const Geometry g, const Query *q, const uint child, Closes
 // Stack entries are entry distance << 32 | child; distances are not negative, so they order as their bits do.
 static ulong stack_entry(const float enter, const uint child) { return ((ulong)bits_of(enter) << 32) | child; }
 
-// Puts the children that the ray meets on the stack, the nearest on top (in any order where `any`).
-// Returns the number of entries.
-static uint visit_node(const Geometry g, const Query *q, const uint index, const float limit, const int any,
-                       ulong *stack, uint count)
+// The nearest child that the ray meets (any of them where `any`), or else the top of the stack; the others go on the
+// stack, nearer ones above farther ones.
+static ulong visit_node(const Geometry g, const Query *q, const uint index, const float limit, const int any,
+                        ulong *stack, uint *count)
 {
     float enters[8] __attribute__((aligned(32)));
     float8 enter;
@@ -47,19 +47,26 @@ static uint visit_node(const Geometry g, const Query *q, const uint index, const
     count_visit(g.visits, index, 0);
 #endif
     uint mask = boxes_met8(node, q->slab, limit, &enter);
+    if (mask == 0u) {
+        return stack[--*count];
+    }
     *(private float8 *)enters = enter;
-    const uint base = count;
-    for (; mask != 0u; mask &= mask - 1u) {
-        const uint lane = ctz_of(mask);
+    uint lane = ctz_of(mask);
+    ulong nearest = stack_entry(enters[lane], children[lane]);
+    const uint base = *count;
+    for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {
+        lane = ctz_of(mask);
         const ulong entry = stack_entry(enters[lane], children[lane]);
-        uint place = count++;
-        while (!any && place > base && stack[place - 1u] < entry) {
+        const ulong farther = entry < nearest ? nearest : entry;
+        nearest = entry < nearest ? entry : nearest;
+        uint place = (*count)++;
+        while (!any && place > base && stack[place - 1u] < farther) {
             stack[place] = stack[place - 1u];
             place--;
         }
-        stack[place] = entry;
+        stack[place] = farther;
     }
-    return count;
+    return nearest;
 }
 
 static void trace_tree(const Geometry g, const Query *q, const int any, Closest *best)
@@ -70,21 +77,21 @@ static void trace_tree(const Geometry g, const Query *q, const int any, Closest 
     }
     stack[0] = stack_entry(0.0f, STACK_END);
     uint count = 1u;
-    uint child = 0u;
-    while (child != STACK_END) {
+    ulong entry = stack_entry(0.0f, 0u);
+    while ((uint)entry != STACK_END) {
+        const uint child = (uint)entry;
         if (child & CHILD_LEAF) {
             if (visit_leaf(g, q, child, best) && any) {
                 return;
             }
+            entry = stack[--count];
         } else {
-            count = visit_node(g, q, child, best->t, any, stack, count);
+            entry = visit_node(g, q, child, best->t, any, stack, &count);
         }
         const uint limit = bits_of(best->t * FAR_SCALE);
-        ulong entry = stack[--count];
         while ((uint)(entry >> 32) > limit) {  // farther than what was met since; the last entry is at 0
             entry = stack[--count];
         }
-        child = (uint)entry;
     }
 }
 #else
@@ -158,11 +165,9 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
         const uint y = 8u * q->shear.y;
         const uint z = 8u * q->shear.z;
         float2 uv;
-        const float depth = triangle_depth(q->shear, (float3)(values[x], values[y], values[z]),
-                                           (float3)(values[24u + x], values[24u + y], values[24u + z]),
-                                           (float3)(values[48u + x], values[48u + y], values[48u + z]), &uv);
-        const float t = triangle_t(block, lane, q, depth, q->ray.t_max);
-        hit.t = min_of(t, q->ray.t_max) * q->ray.t_unit;
+        triangle_depth(q->shear, (float3)(values[x], values[y], values[z]),
+                       (float3)(values[24u + x], values[24u + y], values[24u + z]),
+                       (float3)(values[48u + x], values[48u + y], values[48u + z]), &uv);
         hit.u = uv.x;
         hit.v = uv.y;
     }

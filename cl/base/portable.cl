@@ -21,6 +21,9 @@
 #define VEC_LEN_HINT
 #endif
 
+// Where a call would spill vector registers in the innermost loop.
+#define ALWAYS_INLINE __attribute__((always_inline))
+
 static uint bits_of(const float x) { return as_uint(x); }
 static float float_of(const uint bits) { return as_float(bits); }
 
@@ -32,6 +35,9 @@ static float abs_of(const float x) { return as_float(as_uint(x) & 0x7fffffffu); 
 // Smaller and larger of two numbers; where one is NaN the second argument comes back.
 static float min_of(const float a, const float b) { return a < b ? a : b; }
 static float max_of(const float a, const float b) { return a > b ? a : b; }
+static float4 min4(const float4 a, const float4 b) { return a < b ? a : b; }
+static float4 max4(const float4 a, const float4 b) { return a > b ? a : b; }
+static float4 abs4(const float4 x) { return as_float4(as_uint4(x) & 0x7fffffffu); }
 static float8 min8(const float8 a, const float8 b) { return a < b ? a : b; }
 static float8 max8(const float8 a, const float8 b) { return a > b ? a : b; }
 
@@ -63,6 +69,16 @@ static float floor_of(const float x)
 // a b + c rounded once. Where the hardware cannot, a plain sum of products: the forms that use it then keep their
 // exact antisymmetry and lose only digits. The start-up probe reports which of the two a device does.
 static float fma_of(const float a, const float b, const float c)
+{
+#if DEVICE_GPU
+    return fma(a, b, c);
+#else
+#pragma OPENCL FP_CONTRACT ON
+    return a * b + c;
+#endif
+}
+
+static float4 fma4(const float4 a, const float4 b, const float4 c)
 {
 #if DEVICE_GPU
     return fma(a, b, c);

@@ -122,10 +122,15 @@ def test_estimates_have_no_bias_and_far_less_variance_than_independent_numbers(d
     assert ours.var() < 0.07 * independent.var()  # Owen-scrambled Sobol in four dimensions: 0.070
 
 
-def test_two_sets_of_one_pixel_join_like_independent_numbers(device):
-    first = sample_sets(device, 13, range(4096), range(64), 0).astype(float)
-    second = sample_sets(device, 13, range(4096), range(64), 1).astype(float)
-    f = np.cos(2 * np.pi * first[:, :, 0]) * np.cos(2 * np.pi * second[:, :, 0])
-    estimates = f.mean(axis=1)
-    assert abs(estimates.mean()) < 5 * estimates.std() / 64
-    assert 0.8 < estimates.var() / (0.25 / 64) < 1.25  # the product's own variance: no order shared between sets
+def test_two_sets_of_one_pixel_are_shuffled_as_freely_as_nets_allow(device):
+    """Which half of [0,1) a number is in: in any net both halves alternate within each pair of samples, so the
+    product of two sets' signs is the same within a pair, and free between pairs: the variance is 2/n, not 1/n.
+    """
+    n = 64
+    sets = [sample_sets(device, 13, range(4096), range(n), k) for k in (0, 1, 9)]
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        for d in range(4):
+            signs = np.where(sets[a][:, :, d] < 0.5, -1.0, 1.0) * np.where(sets[b][:, :, d] < 0.5, -1.0, 1.0)
+            estimates = signs.mean(axis=1)
+            assert abs(estimates.mean()) < 5 * np.sqrt(2 / n / 4096)
+            assert abs(estimates.var() / (2 / n) - 1) < 5 * np.sqrt(2 / 4096)

@@ -195,3 +195,14 @@ def test_centre_filter_shoots_through_exact_pixel_centres(device: Device) -> Non
         depth = renderer.render().layers(["depth"])["depth"]
     x = (np.arange(5) + 0.5) / 2.5 - 1
     np.testing.assert_allclose(depth, 2 * np.sqrt(1 + x[None] ** 2 + x[:, None] ** 2), rtol=1e-6)
+
+
+def test_edits_of_numbers_build_no_kernel(device: Device) -> None:
+    scene = mixed_scene()
+    with rt.Renderer(scene, device, spp=1) as renderer:
+        before, first = dict(renderer.programs), renderer.render().rgb
+        scene["gold"].material.roughness = 0.3
+        scene["lamp"].material.radiance = (1.0, 2.0, 3.0)
+        renderer.update()
+        assert all(renderer.programs[name] is program for name, program in before.items())
+        assert not np.array_equal(renderer.render().rgb, first)

@@ -32,7 +32,9 @@ HOST_LIMIT = 2048
 MAX_PRIMITIVES = 1 << 27
 
 
-def build_tree(geometry: FlatGeometry, builder: str, device: Device | None, place: Literal["", "host", "device"] = "") -> Tree:
+def build_tree(
+    geometry: FlatGeometry, builder: str, device: Device | None, place: Literal["", "host", "device"] = ""
+) -> Tree:
     """The 8-wide tree of `geometry`; the same bytes on every run, and from the host and the device builder.
 
     builder: "sah" (binned surface area heuristic), "lbvh" (Morton order) or "none" (blocks only, for brute force).
@@ -46,8 +48,9 @@ def build_tree(geometry: FlatGeometry, builder: str, device: Device | None, plac
     start = time.perf_counter()
     if builder == "none" or geometry.primitive_count == 0:
         blocks = _blocks_in_order(geometry)
-        packed = Packed(empty_nodes(0 if builder == "none" else 1), len(blocks), lambda: blocks)
-        return Tree(packed, _stats(builder, "host", packed, 0 if builder == "none" else 1, geometry, start, 0.0))
+        starts = () if builder == "none" else (0,)
+        packed = Packed(empty_nodes(len(starts)), len(blocks), lambda: blocks, starts)
+        return Tree(packed, _stats(builder, "host", packed, geometry, start, 0.0))
     on_host = place == "host" or device is None or (not place and geometry.primitive_count <= HOST_LIMIT)
     source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device)
     tree: BinaryTree = source.tree(builder)
@@ -59,7 +62,7 @@ def build_tree(geometry: FlatGeometry, builder: str, device: Device | None, plac
         assert found is not None, "halving bounds the depth of the SAH tree"
     packed = tree.pack(found)
     where = "host" if on_host else "device"
-    return Tree(packed, _stats(builder, where, packed, found.depth, geometry, start, source.kernel_build_s))
+    return Tree(packed, _stats(builder, where, packed, geometry, start, source.kernel_build_s))
 
 
 class _HostBuilder:
@@ -88,7 +91,7 @@ def _blocks_in_order(geometry: FlatGeometry) -> np.ndarray:
 
 
 def _stats(
-    builder: str, place: str, packed: Packed, depth: int, geometry: FlatGeometry, start: float, kernel_build_s: float
+    builder: str, place: str, packed: Packed, geometry: FlatGeometry, start: float, kernel_build_s: float
 ) -> TreeStats:
     child, triangles = packed.nodes["child"], len(geometry.triangles)
     size = packed.nodes.nbytes + packed.block_count * RECORDS["Block"].size
@@ -97,7 +100,7 @@ def _stats(
         place=place,
         nodes=len(packed.nodes),
         leaves=int(((child != NONE) & (child >= LEAF_BIT)).sum()) if builder != "none" else packed.block_count,
-        depth=depth,
+        depth=len(packed.level_starts),
         sah_cost=sah_cost(packed.nodes) if len(packed.nodes) else 0.0,
         leaf_fill=triangles / packed.block_count if packed.block_count else 0.0,
         bytes=size,

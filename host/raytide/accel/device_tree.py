@@ -11,7 +11,7 @@ from raytide.accel.limits import kernel_constant
 from raytide.accel.morton import grid_scale, refined_order
 from raytide.accel.tree import FlatGeometry, Packed
 from raytide.accel.wide import Cut
-from raytide.kernels import NONE, RECORDS, Features, assemble
+from raytide.kernels import NONE, RECORDS, Features, Source, assemble
 
 if TYPE_CHECKING:
     from raytide.device import Buffer, Device
@@ -26,13 +26,17 @@ _LOCAL = 64
 _DIGITS = 256  # build/radix.cl
 
 
+def build_source() -> Source:
+    """The program of all build kernels; the same for every scene."""
+    return assemble("build/bvh.cl", Features())
+
+
 class DeviceBuilder:
     """Binary trees by kernels. Every launch is in order; nothing is read back but what the host needs to go on."""
 
     def __init__(self, geometry: FlatGeometry, device: Device) -> None:
         self.geometry, self.device = geometry, device
-        source = assemble("build/bvh.cl", Features())
-        self.program = device.build({"bvh": source})["bvh"]
+        self.program = device.build({"bvh": build_source()})["bvh"]
         self._count = geometry.primitive_count
         self._chunk = _CHUNK.get(device.kind, _CHUNK_OTHERWISE)
         self.vertices, self.triangles = device.upload(geometry.vertices), device.upload(geometry.triangles)
@@ -44,7 +48,7 @@ class DeviceBuilder:
         """Seconds that compiling took: of the program, and of its kernels at their first launch."""
         return float(self.program.build_s + self.program.first_launch_s)
 
-    def launch(self, kernel: str, items: int, *arguments: object, local: int = _LOCAL) -> None:
+    def launch(self, kernel: str, items: int, *arguments: Buffer | np.generic, local: int = _LOCAL) -> None:
         """`items` work-items; kernels take their number as first argument."""
         self.device.launch(self.program, kernel, items, local, np.uint32(items), *arguments, label="build")
 
@@ -92,12 +96,10 @@ class DeviceBuilder:
         other_keys, other_values = device.empty(self._count * 8), device.empty(self._count * 4)
         histogram, totals = device.empty(chunks * _DIGITS * 4), device.empty(_DIGITS * 4)
         for shift in range(0, 64, 8):
-            pass_over = np.uint32(self._count), chunk, np.uint32(shift), keys
+            pass_over: tuple[Buffer | np.uint32, ...] = (np.uint32(self._count), chunk, np.uint32(shift), keys)
             self.launch("radix_count", chunks, *pass_over, histogram, local=1)
             self.launch("radix_rows", _DIGITS, np.uint32(chunks), histogram, totals)
-            self.launch(
-                "radix_move", chunks, *pass_over, values, histogram, totals, other_keys, other_values, local=1
-            )
+            self.launch("radix_move", chunks, *pass_over, values, histogram, totals, other_keys, other_values, local=1)
             keys, values, other_keys, other_values = other_keys, other_values, keys, values
 
     def _refine(self, codes: Buffer, order: Buffer, ordered: Buffer, levels: Buffer) -> None:
@@ -131,7 +133,9 @@ class DeviceBuilder:
         self.launch("subtrees", len(todo), device.upload(todo), even, odd, levels, local=1)
         return even
 
-    def _split_level(self, active: np.ndarray, depth: int, source: Buffer, target: Buffer, levels: Buffer) -> np.ndarray:
+    def _split_level(
+        self, active: np.ndarray, depth: int, source: Buffer, target: Buffer, levels: Buffer
+    ) -> np.ndarray:
         """Splits all nodes (first, count) of one depth of the SAH tree; gives their children."""
         device = self.device
         per_node = -(-active[:, 1] // self._chunk)
@@ -206,6 +210,7 @@ class DeviceTree:
             device.read(nodes, node.dtype, node_count),
             block_count,
             lambda: device.read(blocks, block.dtype, block_count),
+            found.level_starts,
             (nodes, blocks),
             device,
         )

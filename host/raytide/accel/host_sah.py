@@ -49,9 +49,8 @@ def _costs(boxes: np.ndarray, counts: np.ndarray, scale: np.ndarray) -> np.ndarr
     right = np.minimum.accumulate(boxes[..., ::-1, :], axis=-2)[..., ::-1, :][..., 1:, :]
     left_count = np.cumsum(counts, axis=-1)[..., :-1]
     right_count = np.sum(counts, axis=-1, keepdims=True) - left_count
-    cost = half_area(left, scale) * left_count.astype(np.float32) + half_area(right, scale) * right_count.astype(
-        np.float32
-    )
+    left_cost = half_area(left, scale) * left_count.astype(np.float32)
+    cost = left_cost + half_area(right, scale) * right_count.astype(np.float32)
     return np.where((left_count > 0) & (right_count > 0), cost, np.float32(np.inf))
 
 
@@ -85,12 +84,11 @@ def _bins(primitives: np.ndarray, first: np.ndarray, counts: np.ndarray) -> np.n
     scale = np.where(edge >= np.float32(2.0**-100), np.float32(bins) / edge, np.float32(0))
     bin_of = np.minimum(((centers - low[node]) * scale[node]).astype(np.int64), bins - 1)
     keys = ((node[:, None] * 3 + np.arange(3)) * bins + bin_of).ravel()
-    boxes = np.full((len(first) * 3 * bins, 8), _EMPTY, np.float32)
+    boxes = np.full((len(first), 3, bins, 8), _EMPTY, np.float32)
     for column in (0, 1, 2, 4, 5, 6):
-        values = np.full(len(boxes), _EMPTY, np.float32)
+        values = np.full(boxes[..., 0].size, _EMPTY, np.float32)
         np.minimum.at(values, keys, np.repeat(rows[:, column], 3))
-        boxes[:, column] = values
-    boxes = boxes.reshape(len(first), 3, bins, 8)
+        boxes[..., column] = values.reshape(boxes.shape[:3])
     filled = np.bincount(keys, minlength=len(first) * 3 * bins).reshape(len(first), 3, bins)
     cost = _costs(boxes, filled, edge_scale(boxes[:, 0].min(axis=1))[:, None, None]).reshape(len(first), -1)
     best = cost.argmin(axis=1)

@@ -31,7 +31,9 @@ class HostTree:
         self.triangles = len(geometry.triangles)
         n = len(primitives)
         # Rows 0..n-2 are nodes by gap, rows n-1.. the primitives.
-        self._left, self._right, self.first, self.last, heights, root = _link(levels)
+        left, right, root = _link(levels)
+        self.first, self.last, heights = _measure(left, right, root)
+        self._left, self._right = np.array(left, np.int64), np.array(right, np.int64)
         self.boxes = np.concatenate([np.zeros((n - 1, 8), np.float32), primitives])
         self._shapes = np.concatenate([np.zeros(n - 1, bool), ids_of(primitives) >= self.triangles])
         self._cost = np.zeros((2 * n - 1, 8), np.float32)
@@ -115,7 +117,7 @@ class HostTree:
             nodes[LOW_ROWS[axis]] = np.where(empty, EMPTY_LOW, low[..., axis])
             nodes[HIGH_ROWS[axis]] = np.where(empty, EMPTY_HIGH, -low[..., 4 + axis])
         blocks = self._pack_blocks(found.blocks)
-        return Packed(nodes, len(blocks), lambda: blocks)
+        return Packed(nodes, len(blocks), lambda: blocks, found.level_starts)
 
     def _pack_blocks(self, names: np.ndarray) -> np.ndarray:
         place = (names & ~np.uint32(LEAF_NAME | GROUP_NAME)).astype(np.int64)
@@ -142,42 +144,41 @@ def pack_blocks(geometry: FlatGeometry, ids: np.ndarray) -> np.ndarray:
     return blocks
 
 
-def _link(levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
-    """Children (rows), first and last primitive of every row, heights of the nodes, and the root's row.
+def _link(levels: np.ndarray) -> tuple[list[int], list[int], int]:
+    """Left and right child rows of every gap, and the root's row: gaps first, then primitives.
 
-    The smallest level of a range is its split; a stack of open nodes finds all of them in one pass.
+    The smallest level of a range is its split; one pass with a stack of open gaps finds them all.
     """
     gaps = len(levels)
-    left, right, first, last = (np.zeros(gaps, np.int64) for _ in range(4))
     level_of = levels.tolist()
     open_gaps: list[int] = []
-    left_of, right_of = list(range(gaps, 2 * gaps)), list(range(gaps + 1, 2 * gaps + 1))
+    left, right = list(range(gaps, 2 * gaps)), list(range(gaps + 1, 2 * gaps + 1))
     for gap in range(gaps):
         below = -1
         while open_gaps and level_of[open_gaps[-1]] > level_of[gap]:
             below = open_gaps.pop()
         if below >= 0:
-            left_of[gap] = below
+            left[gap] = below
         if open_gaps:
-            right_of[open_gaps[-1]] = gap
+            right[open_gaps[-1]] = gap
         open_gaps.append(gap)
-    root = open_gaps[0] if open_gaps else 0
-    left[:], right[:] = left_of, right_of
-    heights = np.zeros(gaps, np.int64)
-    first_of, last_of, height_of = list(range(gaps)), list(range(gaps)), [0] * (2 * gaps + 1)
-    todo = [(root, 0, gaps)] if gaps else []
-    visited = []
+    return left, right, open_gaps[0] if open_gaps else 0
+
+
+def _measure(left: list[int], right: list[int], root: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First and last primitive of every row, and the heights of the gaps' nodes."""
+    gaps = len(left)
+    first, last, height = list(range(gaps)), list(range(gaps)), [0] * (2 * gaps + 1)
+    todo, visited = [(root, 0, gaps)] if gaps else [], []
     while todo:
         row, start, end = todo.pop()
         visited.append(row)
-        first_of[row], last_of[row] = start, end
-        if left_of[row] < gaps:
-            todo.append((left_of[row], start, row))
-        if right_of[row] < gaps:
-            todo.append((right_of[row], row + 1, end))
+        first[row], last[row] = start, end
+        if left[row] < gaps:
+            todo.append((left[row], start, row))
+        if right[row] < gaps:
+            todo.append((right[row], row + 1, end))
     for row in reversed(visited):
-        height_of[row] = 1 + max(height_of[left_of[row]], height_of[right_of[row]])
-    heights[:] = height_of[:gaps]
-    first[:], last[:] = first_of, last_of
-    alone = np.arange(gaps + 1)
-    return left, right, np.concatenate([first, alone]), np.concatenate([last, alone]), heights, root
+        height[row] = 1 + max(height[left[row]], height[right[row]])
+    alone = list(range(gaps + 1))
+    return np.array(first + alone), np.array(last + alone), np.array(height[:gaps], np.int64)

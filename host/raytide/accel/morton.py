@@ -19,8 +19,8 @@ _MAX_REFINEMENTS = 12  # each resolves 21 octaves, floats have 277
 def grid_scale(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Cells per metre of a grid of 2^21 cubes along the longest edge; low and high (..., 3) float32; 0 for a point."""
     edge = np.max(high - low, axis=-1)
-    with np.errstate(all="ignore"):
-        return np.where(edge >= np.float32(2.0**-100), np.float32(2**AXIS_BITS) / edge, np.float32(0)).astype(np.float32)
+    usable = edge >= np.float32(2.0**-100)
+    return np.where(usable, np.float32(2**AXIS_BITS) / np.where(usable, edge, np.float32(1)), np.float32(0))
 
 
 def morton_codes(centers: np.ndarray, low: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -70,6 +70,7 @@ class Packed:
     nodes: np.ndarray
     block_count: int
     read_blocks: Callable[[], np.ndarray]
+    level_starts: tuple[int, ...]  # first node of each level from the root down; nodes lie breadth first
     buffers: tuple[Buffer, Buffer] | None = None  # nodes, blocks
     device: Device | None = None
 
@@ -87,6 +88,11 @@ class Tree:
     @property
     def nodes(self) -> np.ndarray:
         return self._packed.nodes
+
+    @property
+    def level_starts(self) -> tuple[int, ...]:
+        """First node of each level from the root down; nodes lie breadth first."""
+        return self._packed.level_starts
 
     @property
     def block_count(self) -> int:

@@ -36,7 +36,11 @@ class Cut:
     names: np.ndarray
     numbers: np.ndarray
     blocks: np.ndarray
-    depth: int
+    level_starts: tuple[int, ...]
+
+    @property
+    def depth(self) -> int:
+        return len(self.level_starts)
 
 
 def cut(tree: BinaryTree, max_depth: int) -> Cut | None:
@@ -66,7 +70,10 @@ def _cut(tree: BinaryTree, max_depth: int, by_levels: bool) -> Cut | None:
         block_count += int(block.sum())
         roots = level[inner]
         if not len(roots):
-            return Cut(np.concatenate(names), np.concatenate(numbers), np.concatenate(blocks), len(names))
+            starts = np.cumsum([0] + [len(part) for part in names[:-1]])
+            return Cut(
+                np.concatenate(names), np.concatenate(numbers), np.concatenate(blocks), tuple(int(n) for n in starts)
+            )
         if len(names) == max_depth:
             return None
         level = tree.expand(roots, by_levels)

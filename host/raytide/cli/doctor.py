@@ -25,7 +25,8 @@ def doctor(json: bool = False, enable_intel: bool = False) -> int:
     if json:
         import json as text
 
-        print(text.dumps({"ok": all(c.state != FAIL for c in checks), "checks": [c.as_dict() for c in checks]}, indent=2))
+        sound = all(check.state != FAIL for check in checks)
+        print(text.dumps({"ok": sound, "checks": [check.as_dict() for check in checks]}, indent=2))
     else:
         for check in checks:
             print(f"[{check.state:>4}] {check.name}: {check.detail}")

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import os
-import queue
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from raytide.device.cache import FileCache
-from raytide.device.compile import Compiled, binary_key, compile_text, load_binary
-from raytide.device.environment import log
+from raytide.device.compile import binary_key, compile_text, load_binary
 from raytide.device.info import DeviceInfo
-from raytide.device.worker import Worker, WorkerDied
+
+if TYPE_CHECKING:
+    from raytide.device.children import Children
 
 _MOST_WORKERS = 8  # each needs about 150 MB
 
@@ -55,13 +53,10 @@ class Builder:
         self._cl, self._context, self._handle = cl, context, handle
         self._info, self._options = info, options
         self._cache = FileCache("kernels")
-        self._idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
-        self._busy: set[Worker] = set()
-        self._stopped = False  # an interrupt: no child is started or tried again
+        self._children: Children | None = None
 
     def build(self, sources: Mapping[str, SourceLike], progress: Progress | None = None) -> dict[str, Program]:
         """Every program by its name. Raises BuildFailure with the compiler's message, WorkerDied on a crash."""
-        self._stopped = False
         done: dict[str, Program] = {}
         missing: dict[str, SourceLike] = {}
         for name, source in sources.items():
@@ -81,8 +76,8 @@ class Builder:
 
     def close(self) -> None:
         """Let the compiling children go."""
-        while not self._idle.empty():
-            self._idle.get().close()
+        if self._children:
+            self._children.close()
 
     def _from_cache(self, name: str, source: SourceLike) -> Program | None:
         start = time.perf_counter()
@@ -100,6 +95,12 @@ class Builder:
         """Compile the longest texts first, each in a thread of its own that waits for a child or the driver."""
         if not sources:
             return
+        from concurrent.futures import ThreadPoolExecutor
+
+        if _in_children(self._info) and self._children is None:
+            from raytide.device.children import Children
+
+            self._children = Children(self._info)
         names = sorted(sources, key=lambda name: -len(sources[name].text))
         pool = ThreadPoolExecutor(_workers(len(names)))
         try:
@@ -108,21 +109,16 @@ class Builder:
                 yield job.result()
         except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
-            if not isinstance(error, Exception):
-                self._stop()
+            if self._children and not isinstance(error, Exception):
+                self._children.stop()
+                self._children = None
             raise
         pool.shutdown()
 
-    def _stop(self) -> None:
-        """After Ctrl-C: end the children at once, or the process would wait for them."""
-        self._stopped = True
-        for worker in list(self._busy):
-            worker.kill()
-
     def _compile(self, name: str, source: SourceLike) -> Program:
         raw = None
-        if _in_children(self._info):
-            done = self._in_child(name, source.text)
+        if self._children:
+            done = self._children.compile(name, source.text, self._options)
             raw = load_binary(self._cl, self._context, self._handle, done.binary)
         if raw is None:
             raw, done = compile_text(
@@ -132,42 +128,6 @@ class Builder:
         self._cache.put(binary_key(self._info, self._options, source.sha256), facts, done.binary)
         return Program(name, source.sha256, raw, done.build_s, "miss", done.log)
 
-    def _in_child(self, name: str, text: str) -> Compiled:
-        """Compile in a child; a crash is tried once more in a fresh one."""
-        try:
-            with self._worker() as worker:
-                return worker.compile(name, text, self._options)
-        except WorkerDied as death:
-            if self._stopped:
-                raise
-            log.warning("%s; trying once more", death)
-        with self._worker() as worker:
-            return worker.compile(name, text, self._options)
-
-    @contextmanager
-    def _worker(self) -> Iterator[Worker]:
-        """An idle child that still lives, or a new one; a broken one is not given back."""
-        worker = None
-        while worker is None and not self._idle.empty():
-            worker = self._idle.get()
-            if not worker.alive:
-                worker.close()
-                worker = None
-        worker = worker or Worker(self._info)
-        self._busy.add(worker)
-        try:
-            yield worker
-        except WorkerDied:
-            worker.close()
-            raise
-        except BaseException:
-            self._idle.put(worker)
-            raise
-        else:
-            self._idle.put(worker)
-        finally:
-            self._busy.discard(worker)
-
 
 def _in_children(info: DeviceInfo) -> bool:
     """PoCL compiles one program at a time in a process and may abort it; other drivers do neither."""
@@ -175,7 +135,7 @@ def _in_children(info: DeviceInfo) -> bool:
 
 
 def _workers(programs: int) -> int:
-    """Side by side: as many as there are programs and processors, at most 8; RAYTIDE_BUILD_WORKERS sets another limit."""
+    """How many side by side: a program each, at most one a processor and 8, or RAYTIDE_BUILD_WORKERS."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     try:
         limit = max(1, int(os.environ["RAYTIDE_BUILD_WORKERS"]))

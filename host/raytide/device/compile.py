@@ -98,7 +98,7 @@ def _log(cl: ModuleType, program: Any, handle: Any) -> str:
 
 
 def _save(name: str, text: str, log: str) -> str | None:
-    """Keep a refused program for the report of a fault; the path of the source, or None where nothing can be written."""
+    """Keep a refused program to report it; the path of the source, or None where nothing can be written."""
     folder = environment.cache_dir() / "failed"
     path = folder / f"{name}-{digest(text)[:12]}.cl"
     try:

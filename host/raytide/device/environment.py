@@ -13,8 +13,8 @@ log = logging.getLogger("raytide.device")
 
 _PREFIXES = ("POCL_", "PYOPENCL_", "OCL_", "OPENCL_", "CUDA_", "NEO_", "GPU_", "AMD_", "CL_", "RAYTIDE_", "RUSTICL_")
 _CHANGES_CODE = ("POCL_EXTRA_BUILD_FLAGS", "POCL_WORK_GROUP", "POCL_VECTORIZER", "POCL_LLVM", "POCL_WILOOPS",
-                 "POCL_FORCE", "POCL_FULL", "NEO_", "GPU_", "AMD_", "CL_CONFIG", "CUDA_")  # fmt: skip
-_POCL_THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")  # PoCL 3 obeys the first, PoCL 4 and later the other
+                 "POCL_FORCE", "POCL_FULL", "NEO_", "GPU_", "AMD_", "CL_CONFIG")  # fmt: skip
+_POCL_THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")  # PoCL 3 obeys the first, later ones the other
 
 _opened: ModuleType | None = None
 

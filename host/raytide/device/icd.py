@@ -82,7 +82,7 @@ def pitfall() -> str | None:
 
 
 def load_problem(icd: IcdFile) -> str | None:
-    """Why the library of `icd` cannot be loaded, or None. Loads it: call this only for drivers that gave no platform."""
+    """Why the library of `icd` cannot be loaded, or None. Loads it: only for drivers that gave no platform."""
     if not icd.library:
         return "the file is empty or unreadable"
     library = _resolve(icd)

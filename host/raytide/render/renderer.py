@@ -16,7 +16,7 @@ from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
-from raytide.kernels.source import assemble
+from raytide.kernels.source import Source, assemble
 from raytide.render import layers, schedule
 from raytide.render.film import Film, FilmData
 from raytide.render.pack import PackedScene, features_of, pack
@@ -51,6 +51,8 @@ class Renderer:
         self.scene, self.memory, self.everything = scene, memory, everything
         self.settings = settings
         self.times: dict[str, float] = {}
+        self.sources: dict[str, Source] = {}
+        self.programs: dict[str, Program] = {}
         self._stop = threading.Event()
         self._owns_device = not isinstance(device, Device)
         with self._timed("open_device"):
@@ -80,13 +82,19 @@ class Renderer:
             self.features: Features = features_of(self.flat, self.everything)
             self.packed: PackedScene = pack(self.flat, self.features)
         with self._timed("kernels"):
-            sources = {w.name: assemble(w.entry, self.features) for w in schedule.WAVES if w.needed(self.features)}
-            self.sources = sources
-            self.programs: dict[str, Program] = dict(self.device.build(sources))
+            self._build()
         with self._timed("bvh"):
             self.tree: Tree = build_tree(self.packed.geometry, self.flat.render.bvh, self.device)
         with self._timed("upload"):
             self._upload()
+
+    def _build(self) -> None:
+        """Programs whose source did not change stay as they are."""
+        sources = {w.name: assemble(w.entry, self.features) for w in schedule.WAVES if w.needed(self.features)}
+        kept = {name: p for name, p in self.programs.items() if self.sources.get(name) == sources.get(name)}
+        missing = {name: source for name, source in sources.items() if name not in kept}
+        self.sources = sources
+        self.programs = kept | (self.device.build(missing) if missing else {})
 
     def _upload(self) -> None:
         width, height = self.flat.camera.size

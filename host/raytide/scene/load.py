@@ -78,7 +78,7 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
     for group, made in tables.items():
         getattr(scene, group).update(made)
     for name, table in (raw["objects"].items() if isinstance(raw.get("objects"), dict) else ()):
-        if name not in scene.objects and isinstance(table, dict):
+        if name not in scene.objects and isinstance(table, dict) and isinstance(table.get("material", ""), str):
             scene.objects[name] = _stand_in(table)
     written = raw.get("materials", {})
     problems += object_problems(scene, list(written) if isinstance(written, dict) else [])

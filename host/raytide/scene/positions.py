@@ -30,6 +30,7 @@ class _Scan:
         self.place = 0
         self.starts = [0, *(match.end() for match in re.finditer("\n", text))]
         self.lines: dict[str, int] = {}
+        self.given: set[str] = set()
         self.twice: list[tuple[str, int]] = []
 
     def line(self) -> int:
@@ -48,11 +49,16 @@ class _Scan:
         self.place = match.end()
         return match.group()
 
-    def note(self, path: tuple[str | int, ...], table: bool = False) -> None:
+    def note(self, path: tuple[str | int, ...], above: int) -> None:
+        """A key or table, and the tables that it opens on the way from `above` parts down."""
+        line = self.line()
+        for length in range(above + 1, len(path)):
+            self.lines.setdefault(path_words(path[:length]), line)
         words = path_words(path)
-        if words in self.lines and not table:
-            self.twice.append((words, self.line()))
-        self.lines.setdefault(words, self.line())
+        if words in self.given:
+            self.twice.append((words, line))
+        self.given.add(words)
+        self.lines.setdefault(words, line)
 
     def dotted(self) -> tuple[str, ...]:
         """A key such as `rotate.axis` or `"a b"`."""
@@ -94,7 +100,7 @@ class _Scan:
             inner: tuple[str | int, ...] = (*path, count)
             if end == "}":
                 inner = (*path, *self.dotted())
-            self.note(inner)
+            self.note(inner, len(path))
             if end == "}":
                 if self.skip() not in ("=", ":"):
                     raise _Lost
@@ -110,13 +116,13 @@ class _Scan:
                 self.place += 2 if self.text.startswith("[[", self.place) else 1
                 self.skip_blank()
                 table = self.dotted()
-                self.note(table, table=len(table) < 2)
+                self.note(table, 0)
                 self.skip_blank()
                 while self.text[self.place : self.place + 1] == "]":
                     self.place += 1
                 continue
             path = (*table, *self.dotted())
-            self.note(path)
+            self.note(path, len(table))
             if self.skip_blank() != "=":
                 raise _Lost
             self.place += 1

@@ -105,8 +105,9 @@ def rotation(axis: Sequence[float], degrees: float) -> np.ndarray:
 def matrix_of(steps: Sequence[Step]) -> np.ndarray:
     """All steps as one (4, 4) float64 matrix; the first step acts first."""
     result = np.eye(4)
-    for step in steps:
-        result = step.matrix4() @ result
+    with np.errstate(over="ignore", invalid="ignore"):  # fault_of() speaks about what overflows
+        for step in steps:
+            result = step.matrix4() @ result
     return result
 
 

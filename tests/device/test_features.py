@@ -1,0 +1,43 @@
+"""Every switch builds: all on, all off, and each alone. A kernel that only compiles in company is a defect."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+from raytide.device import Device
+from raytide.kernels import Features, assemble
+from raytide.kernels.features import kinds
+from raytide.render.schedule import AOV, WAVES
+from raytide.scene.materials import MATERIALS
+
+NONE_ON = Features(triangles=False, tree=False, sobol=False)
+ALL_ON = Features(
+    materials=tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS)),
+    shapes=kinds("shape"),
+    lights=kinds("light"),
+    **{field.name: True for field in fields(Features) if field.type == "bool"},
+)
+
+
+def each_alone() -> dict[str, Features]:
+    alone = {field.name: replace(NONE_ON, **{field.name: True}) for field in fields(Features) if field.type == "bool"}
+    alone |= {kind: replace(NONE_ON, materials=((kind, MATERIALS[kind].PARAMETERS),)) for kind in MATERIALS}
+    alone |= {kind: replace(NONE_ON, shapes=(kind,)) for kind in kinds("shape")}
+    alone |= {kind: replace(NONE_ON, lights=(kind,)) for kind in kinds("light")}
+    return alone
+
+
+def test_all_none_and_each_switch_alone_build_without_a_warning(device: Device) -> None:
+    sources = {}
+    for name, features in {"none": NONE_ON, "all": ALL_ON, **each_alone()}.items():
+        for wave in (*WAVES, AOV):
+            source = assemble(wave.entry, features)
+            sources.setdefault(source.sha256, (f"{wave.name}, {name}", source))
+    programs = device.build({label: replace(source, name=f"f{i}") for i, (label, source) in enumerate(sources.values())})
+    logs = {label: program.log for label, program in programs.items() if "warning" in program.log.lower()}
+    assert not logs
+
+
+def test_none_leaves_out_every_kind_and_all_leaves_out_nothing() -> None:
+    assert ALL_ON.left_out() == []
+    assert set(NONE_ON.left_out()) == set(NONE_ON.switches())
