@@ -15,17 +15,13 @@ from raytide.kernels.records import NONE, RECORDS
 LEAF, ANALYTIC = 0x80000000, 0x40000000
 
 
-def mesh(vertices: np.ndarray, triangles: np.ndarray, shapes: np.ndarray | None = None, planes: int = 0) -> FlatGeometry:
+def mesh(vertices: np.ndarray, triangles: np.ndarray) -> FlatGeometry:
     """Geometry from vertices (V, 3) and triangles (T, 3)."""
     points = np.zeros((len(vertices), 4), np.float32)
     points[:, :3] = vertices
     corners = np.zeros((len(triangles), 4), np.uint32)
     corners[:, :3] = triangles
-    return FlatGeometry(points, corners, _shapes(shapes), planes)
-
-
-def _shapes(shapes: np.ndarray | None) -> np.ndarray:
-    return np.zeros(0, RECORDS["Shape"].dtype) if shapes is None else shapes
+    return FlatGeometry(points, corners)
 
 
 def soup(count: int, size: float = 0.02, seed: int = 0) -> FlatGeometry:
@@ -181,7 +177,8 @@ def _check_blocks(blocks: np.ndarray, geometry: FlatGeometry) -> None:
     padded = corners[~full]
     assert (padded == padded[:, :1]).all()
     owner = np.repeat(np.arange(len(ids)), (~full).sum(axis=1))
-    assert (padded[:, None, :1] == corners[owner].reshape(len(owner), -1, 1, 3)).all(axis=(2, 3)).any(axis=1).all()
+    of_block = corners[owner].reshape(len(owner), 24, 3)
+    assert (padded[:, :1] == of_block).all(axis=2).any(axis=1).all()
 
 
 def _check_nesting(low: np.ndarray, high: np.ndarray, child: np.ndarray, inner: np.ndarray, empty: np.ndarray) -> None:

@@ -7,6 +7,8 @@ product's builders and the other way round.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
 
 import numpy as np
 
@@ -39,12 +41,48 @@ kernel void surfaces(GEOMETRY_ARGUMENTS, const uint count, global const Ray *ray
     }
     const Geometry g = GEOMETRY_OF_ARGUMENTS;
     const Surface s = surface_of(g, rays[i], hits[i]);
-    const float3 to = s.p + xyz(out[4u * i]);
     const float3 origin = spawn_origin(&s, xyz(out[4u * i]));
     out[4u * i] = make4(s.p, s.error);
     out[4u * i + 1u] = make4(s.ng, s.uv.x);
     out[4u * i + 2u] = make4(s.n, s.uv.y);
     out[4u * i + 3u] = make4(origin, float_of(s.object));
+}
+
+// Masks of the first node's lanes that rays meet: the slab test alone.
+kernel void boxes(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint *masks)
+{
+    const uint i = (uint)get_global_id(0);
+    TraceRay ray;
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    if (i >= count || !prepare_ray(g, rays[i], &ray)) {
+        return;
+    }
+    float8 enter;
+    masks[i] = boxes_met8(nodes, slab_ray(ray), ray.t_max, &enter);
+}
+
+// Depths of the triangles of block 0 by the 8-wide test, and bit for bit the same by the common function?
+kernel void depths(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint *differing)
+{
+    const uint i = (uint)get_global_id(0);
+    Query q;
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    if (i >= count || !prepare_query(g, rays[i], &q)) {
+        return;
+    }
+    float wide[8] __attribute__((aligned(32)));
+    float8 depth;
+    differing[i] = 0u;
+    for (uint mask = triangles_met8(blocks, q.shear, INFINITY, &depth); mask != 0u; mask &= mask - 1u) {
+        const uint lane = ctz_of(mask);
+        global const char *at = (global const char *)blocks + 4u * lane;
+        float2 uv;
+        *(private float8 *)wide = depth;
+        const float3 b = lane_corner(at + 3u * ROW, q.shear.rows);
+        const float3 c = lane_corner(at + 6u * ROW, q.shear.rows);
+        const float same = triangle_depth(q.shear, lane_corner(at, q.shear.rows), b, c, &uv);
+        differing[i] += bits_of(same) != bits_of(wide[lane]) ? 1u : 256u;
+    }
 }
 
 kernel void picked(GEOMETRY_ARGUMENTS, const uint count, const uint shape, global const float4 *from,
@@ -261,6 +299,13 @@ class Tracer:
             "uv": got[:, 1:3, 3], "origin": got[:, 3, :3], "object": got[:, 3, 3].view(np.uint32),
         }  # fmt: skip
 
+    def words(self, kernel: str, rays: np.ndarray) -> np.ndarray:
+        """One uint32 a ray from kernel `boxes` or `depths`."""
+        device, count = self.device, len(rays)
+        out = device.upload(np.zeros(count, np.uint32))  # type: ignore[attr-defined]
+        self._launch(kernel, count, device.upload(rays), out)  # type: ignore[attr-defined]
+        return device.read(out, np.uint32, count)  # type: ignore[attr-defined]
+
     def sample(self, shape: int, origins: np.ndarray, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """Points sampled on a shape as seen from `origins` (n, 3) by `numbers` (n, 2)."""
         device, count = self.device, len(origins)
@@ -276,10 +321,65 @@ class Tracer:
         }  # fmt: skip
 
 
+@cache
 def programs(device: object) -> dict[str, object]:
-    """The two programs that all tests share: with the tree and by brute force."""
+    """The two programs that all tests share: "tree", and "all" for brute force."""
     sources = {
         "tree": assemble("", features(tree=True), TRACE_KERNELS),
         "all": assemble("", features(tree=False), TRACE_KERNELS),
     }
     return device.build(sources)  # type: ignore[attr-defined]
+
+
+def tracer(device: object, geometry: Mesh, tree: object = True) -> Tracer:
+    """A Tracer with the shared programs; tree: True, False (brute force) or (nodes, blocks)."""
+    return Tracer(device, geometry, programs(device)["all" if tree is False else "tree"], tree)
+
+
+def ring_sphere(rings: int, segments: int, center: object = (0, 0, 0)) -> Mesh:
+    """A closed sphere of radius 1 around `center`, its vertices rounded to float32 there."""
+    theta = np.linspace(0, np.pi, rings + 1)[1:-1]
+    phi = np.arange(segments) * (2 * np.pi / segments)
+    grid = np.stack([np.outer(np.sin(theta), np.cos(phi)), np.outer(np.cos(theta), np.ones(segments)),
+                     np.outer(np.sin(theta), np.sin(phi))], -1)  # fmt: skip
+    points = np.concatenate([[[0, 1, 0], [0, -1, 0]], grid.reshape(-1, 3)])
+    row = 2 + np.arange((rings - 1) * segments).reshape(rings - 1, segments)
+    a, b = row[:-1], row[1:]
+    a_next, b_next = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
+    faces = [np.stack(f, -1).reshape(-1, 3) for f in ((a, a_next, b), (a_next, b_next, b))]
+    first, last = row[0], row[-1]
+    faces += [np.stack([np.zeros_like(first), np.roll(first, -1), first], -1)]
+    faces += [np.stack([np.ones_like(last), last, np.roll(last, -1)], -1)]
+    return mesh(points + np.asarray(center, np.float64), np.concatenate(faces))
+
+
+def exactly_meets_box(low: np.ndarray, high: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> bool:
+    """Whether a ray (t >= 0) meets a closed box, decided in rational numbers."""
+    near, far = Fraction(0), None
+    for lo, hi, o, d in zip(low, high, origin, direction, strict=True):
+        lo, hi, o, d = (Fraction(float(x)) for x in (lo, hi, o, d))
+        if d == 0:
+            if not lo <= o <= hi:
+                return False
+            continue
+        enter, leave = sorted(((lo - o) / d, (hi - o) / d))
+        near = max(near, enter)
+        far = leave if far is None else min(far, leave)
+    return far is None or near <= far
+
+
+def closest_triangle(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """t and index of the closest triangle of (T, 3, 3) by float64 arithmetic; inf and -1 where none."""
+    best, index = np.full(len(origin), np.inf), np.full(len(origin), -1)
+    o, d = origin.astype(np.float64), direction.astype(np.float64)
+    for k, (a, b, c) in enumerate(corners.astype(np.float64)):
+        e1, e2 = b - a, c - a
+        normal = np.cross(e1, e2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = d @ normal
+            t = ((a - o) @ normal) / slope
+            turn = np.cross(o - a, d)
+            u, v = -(turn @ e2) / slope, (turn @ e1) / slope
+            met = (t >= 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t < best)
+        best[met], index[met] = t[met], k
+    return best, index

@@ -67,20 +67,19 @@ def dielectric_reflectance(cosine: np.ndarray, n1: np.ndarray, n2: np.ndarray) -
 
 def directional_albedo(alpha: float, theta_degrees: float, fresnel: Callable[[np.ndarray], np.ndarray]) -> float:
     """Share of light that a GGX surface reflects (separable Smith), by quadrature over visible facets."""
-    n = 600
-    u = (np.arange(n) + 0.5) / n
-    s, phi = np.meshgrid(u, 2 * np.pi * u)
-    tangent = alpha * np.sqrt(s / (1 - s))
+    rows, columns = 600, 1200
+    s, phi = np.meshgrid((np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns)
+    # With 1 - (1 - s)^2 = tan^2 / (tan^2 + alpha^2), D cos h of a cell is 2 (1 - s) / cells.
+    tangent = alpha * np.sqrt(1 - (1 - s) ** 2) / (1 - s)
     h_z = 1 / np.sqrt(1 + tangent**2)
     h = np.stack([tangent * h_z * np.cos(phi), tangent * h_z * np.sin(phi), h_z], axis=-1).reshape(-1, 3)
-    # With s = tan^2 / (tan^2 + alpha^2), D cos h is uniform: the measure of a cell is 1/n^2.
     wo = direction(theta_degrees).astype(float)
     cosine = h @ wo
     wi = 2 * cosine[:, None] * h - wo
     lit = (cosine > 0) & (wi[:, 2] > 0)
     g = smith_g1(wo[2], alpha) * smith_g1(wi[:, 2], alpha)
     value = fresnel(np.clip(cosine, 0, 1)) * g * cosine / (wo[2] * h[:, 2])
-    return float(np.where(lit, value, 0).sum() / n**2)
+    return float(np.where(lit, value * 2 * (1 - s.ravel()), 0).sum() / s.size)
 
 
 @dataclass(frozen=True)

@@ -243,7 +243,7 @@ def furnace_checks() -> dict[str, list[Check]]:
 
 
 def text_of(checks: dict[str, list[Check]]) -> str:
-    lines = ["# Made by tools/closed_forms.py from the scene files. pixels = [x0, y0, x1, y1], half open, row 0 on top;",
+    lines = ["# Made by tools/closed_forms.py from the scenes. pixels = [x0, y0, x1, y1], half open, row 0 on top:",
              "# the mean over them must lie within relative * value + absolute.", "format = 1", ""]
     for name, items in checks.items():
         for check in items:

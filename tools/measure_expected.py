@@ -111,8 +111,9 @@ def results(name: str, device: Any, **settings: Any) -> Iterator[Result]:
 
 def store(name: str, device: Any, seeds: int, **settings: Any) -> None:
     """Measure the checks of a scene that have a standard error, and write them back, comments kept."""
-    import raytide as rt
     import tomlkit
+
+    import raytide as rt
 
     folder, scene = name.split("/")
     path = SCENES / folder / "expected.toml"

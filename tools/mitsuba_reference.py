@@ -130,8 +130,9 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     import mitsuba as mi
-    import raytide as rt
     import tomlkit
+
+    import raytide as rt
 
     mi.set_variant(options.variant)
     source = f"Mitsuba {mi.__version__} {options.variant}, path, {options.seeds} seeds x {options.spp} spp"
@@ -145,7 +146,8 @@ def main() -> None:
         for check, old in zip(document[stem], checks_of(name), strict=True):
             means = mean_over(images, old)
             error = means.std(axis=0, ddof=1) / math.sqrt(len(means))
-            print(f"{name} {old.get('pixels', 'all')} {means.mean(axis=0)} +- {error}, stored {old['value']}", flush=True)
+            print(f"{name} {old.get('pixels', 'all')} {means.mean(axis=0)} +- {error}, stored {old['value']}",
+                  flush=True)
             if options.write and "standard_error" in old:
                 write_measured(check, means, source)
         if options.write:

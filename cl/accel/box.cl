@@ -2,6 +2,7 @@
 #include "base/vector.cl"
 #include "accel/geometry.cl"
 #include "accel/ray.cl"
+#include "accel/rows.cl"
 // Slab tests that never lose a hit. The form box * (1/d) + (-o/d) errs by one rounding of o and two of t: the stored
 // boxes are rounded outward by an ulp, which covers the first, and the far end is scaled by 1 + 4 ulp (Ize 2013, and what NEAR_SCALE needs).
 // Along an axis on which the ray stands still, the origin is inside the slab or not; the slab then bounds nothing.
@@ -13,31 +14,24 @@ typedef struct {
     float4 inverse;  // 1/d, 0 on still axes and in w
     float4 near;     // -o/d, -inf on still axes; w = 0, where every ray begins
     float4 far;      // -o/d, +inf on still axes and in w
-    float3 o;
-    uint flip_x;     // bytes of a row where the direction is negative: near and far rows change places
-    uint flip_y;
-    uint flip_z;
+    float4 o;
+    uint4 flip;      // a row's bytes where the direction is negative: near and far rows change places
     uint still;      // bits 0 to 2: axes without motion
 } SlabRay;
-
-#define ROW 32u  // bytes
 
 // Components so small that their reciprocal overflows over the scene's extent count as none.
 static SlabRay slab_ray(const TraceRay ray)
 {
     const float smallest = max_of(ray.extent, 1.0f) * 7.5231638e-37f;  // 2^-120
-    const int4 still = (int4)(abs_of(ray.d.x) < smallest, abs_of(ray.d.y) < smallest, abs_of(ray.d.z) < smallest, 1);
-    const float4 d = make4(ray.d, 1.0f);
+    const int4 still = abs4(ray.d) < (float4)(smallest);
     SlabRay s;
-    s.inverse = (-still) ? (float4)(0.0f) : (float4)(1.0f) / d;
-    const float4 product = make4(-ray.o, 0.0f) * s.inverse;
-    s.near = (-still) ? (float4)(-INFINITY, -INFINITY, -INFINITY, 0.0f) : product;
-    s.far = (-still) ? (float4)(INFINITY) : product;
+    s.inverse = still ? (float4)(0.0f) : (float4)(1.0f) / ray.d;
+    const float4 shift = -ray.o * s.inverse;
+    s.near = still ? (float4)(-INFINITY, -INFINITY, -INFINITY, 0.0f) : shift;
+    s.far = still ? (float4)(INFINITY) : shift;
     s.o = ray.o;
-    s.flip_x = s.inverse.x < 0.0f ? ROW : 0u;
-    s.flip_y = s.inverse.y < 0.0f ? ROW : 0u;
-    s.flip_z = s.inverse.z < 0.0f ? ROW : 0u;
-    s.still = (still.x ? 1u : 0u) | (still.y ? 2u : 0u) | (still.z ? 4u : 0u);
+    s.flip = (as_uint4(s.inverse) >> 31u) * ROW;
+    s.still = (uint)((still.x & 1) | (still.y & 2) | (still.z & 4));
     return s;
 }
 
@@ -57,18 +51,16 @@ static int8 still_inside8(global const float8 *rows, const SlabRay s)
     return inside;
 }
 
-static float8 row_at(global const char *record, const uint offset) { return *(global const float8 *)(record + offset); }
-
 // Mask of the children whose boxes the ray meets at t in [0, limit], and where it enters each.
 static uint boxes_met8(global const Node *node, const SlabRay s, const float limit, float8 *enter)
 {
     global const char *rows = (global const char *)node;
-    const float8 near_x = fma8(row_at(rows, s.flip_x), (float8)(s.inverse.x), (float8)(s.near.x));
-    const float8 near_y = fma8(row_at(rows, 2u * ROW + s.flip_y), (float8)(s.inverse.y), (float8)(s.near.y));
-    const float8 near_z = fma8(row_at(rows, 4u * ROW + s.flip_z), (float8)(s.inverse.z), (float8)(s.near.z));
-    const float8 far_x = fma8(row_at(rows, ROW - s.flip_x), (float8)(s.inverse.x), (float8)(s.far.x));
-    const float8 far_y = fma8(row_at(rows, 3u * ROW - s.flip_y), (float8)(s.inverse.y), (float8)(s.far.y));
-    const float8 far_z = fma8(row_at(rows, 5u * ROW - s.flip_z), (float8)(s.inverse.z), (float8)(s.far.z));
+    const float8 near_x = fma8(row_at(rows, s.flip.x), (float8)(s.inverse.x), (float8)(s.near.x));
+    const float8 near_y = fma8(row_at(rows, 2u * ROW + s.flip.y), (float8)(s.inverse.y), (float8)(s.near.y));
+    const float8 near_z = fma8(row_at(rows, 4u * ROW + s.flip.z), (float8)(s.inverse.z), (float8)(s.near.z));
+    const float8 far_x = fma8(row_at(rows, ROW - s.flip.x), (float8)(s.inverse.x), (float8)(s.far.x));
+    const float8 far_y = fma8(row_at(rows, 3u * ROW - s.flip.y), (float8)(s.inverse.y), (float8)(s.far.y));
+    const float8 far_z = fma8(row_at(rows, 5u * ROW - s.flip.z), (float8)(s.inverse.z), (float8)(s.far.z));
     const float8 near = max8(max8(near_x, near_y), max8(near_z, (float8)(0.0f)));
     const float8 far = min8(min8(far_x, far_y), min8(far_z, (float8)(limit))) * FAR_SCALE;
     int8 met = near <= far;

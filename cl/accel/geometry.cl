@@ -5,7 +5,6 @@
 // id triangle_count + j. Infinite planes are the first plane_count shapes and are not in the tree.
 
 #define NO_HIT -1.0f
-#define COORDINATE_LIMIT 2305843009213693952.0f  // 2^61; the host drops what lies beyond 1.8e18
 
 // Child words of a node
 #define CHILD_LEAF 0x80000000u

@@ -35,6 +35,13 @@ static float4 lane_vertex(global const Block *block, const uint vertex, const ui
     return (float4)(values[0], values[8], values[16], 0.0f);
 }
 
+// A vertex of one lane with its components in the order of `rows`.
+static float3 lane_corner(global const char *lane, const uint4 rows)
+{
+    return (float3)(*(global const float *)(lane + rows.x), *(global const float *)(lane + rows.y),
+                    *(global const float *)(lane + rows.z));
+}
+
 // t of a triangle met at `depth`, no earlier than its box; negative if the box is not met up to `limit`.
 ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane, const Query *q, const float depth,
                         const float limit)
@@ -103,7 +110,7 @@ static int visit_shape(const Geometry g, const Query *q, const uint index, Close
     if (prim == q->ray.skip && is_planar(s->kind)) {
         return 0;
     }
-    float t = shape_intersect(s, q->ray.o, q->ray.d, best->t);
+    float t = shape_intersect(s, xyz(q->ray.o), xyz(q->ray.d), best->t);
     if (!(t >= 0.0f)) {
         return 0;
     }

@@ -143,7 +143,7 @@ static int prepare_query(const Geometry g, const Ray ray, Query *q)
     }
     q->slab = slab_ray(q->ray);
 #if HAS_TRIANGLES
-    q->shear = shear_of(q->ray);
+    q->shear = shear_of(q->ray, q->slab.inverse);
 #endif
     return 1;
 }
@@ -158,16 +158,10 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
     hit.prim = best.prim;
 #if HAS_TRIANGLES
     if (best.prim < g.triangle_count) {
-        const uint lane = best.place & 7u;
-        global const Block *block = g.blocks + (best.place >> 3);
-        global const float *values = (global const float *)block + lane;
-        const uint x = 8u * q->shear.x;
-        const uint y = 8u * q->shear.y;
-        const uint z = 8u * q->shear.z;
+        global const char *lane = (global const char *)(g.blocks + (best.place >> 3)) + 4u * (best.place & 7u);
         float2 uv;
-        triangle_depth(q->shear, (float3)(values[x], values[y], values[z]),
-                       (float3)(values[24u + x], values[24u + y], values[24u + z]),
-                       (float3)(values[48u + x], values[48u + y], values[48u + z]), &uv);
+        triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
+                       lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
         hit.u = uv.x;
         hit.v = uv.y;
     }

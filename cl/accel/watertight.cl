@@ -2,6 +2,7 @@
 #include "base/vector.cl"
 #include "accel/geometry.cl"
 #include "accel/ray.cl"
+#include "accel/rows.cl"
 // Watertight ray-triangle test (Woop, Benthin and Wald 2013): vertices are sheared so that the ray runs along z, and
 // three edge functions decide. Each is a difference of two products whose sign Kahan's form gives exactly, so the two
 // triangles of an edge never disagree. Whole vertices: both triangles see the same rounded numbers. Coordinates are
@@ -10,9 +11,7 @@
 #define SCALED_EXTENT 4294967296.0f  // 2^32: extents to the power 3, and rounding errors of areas, stay normal
 
 typedef struct {
-    uint x;  // axes; z is the one along which the direction is longest
-    uint y;
-    uint z;
+    uint4 rows;      // byte offsets within a vertex's three rows of the axes; z is the ray's main axis
     float shear_x;
     float shear_y;
     float scale;     // of x and y
@@ -21,24 +20,28 @@ typedef struct {
     float3 shift;    // minus the scaled origin
 } Shear;
 
-static float component(const float3 v, const uint axis) { return axis == 0u ? v.x : (axis == 1u ? v.y : v.z); }
-
-static Shear shear_of(const TraceRay ray)
+// `inverse` is 1/d.
+static Shear shear_of(const TraceRay ray, const float4 inverse)
 {
-    const float3 size = abs3(ray.d);
-    Shear s;
-    s.z = size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
-    s.x = s.z == 2u ? 0u : s.z + 1u;
-    s.y = s.x == 2u ? 0u : s.x + 1u;
-    const float d_z = component(ray.d, s.z);
+    float d[4];
+    float o[4];
+    float inverses[4];
+    *(private float4 *)d = ray.d;
+    *(private float4 *)o = ray.o;
+    *(private float4 *)inverses = inverse;
+    const uint z = ray.axis;
+    const uint x = z == 2u ? 0u : z + 1u;
+    const uint y = x == 2u ? 0u : x + 1u;
+    const float towards = -abs_of(inverses[z]);
     const float to_one = scale_to_one(ray.extent);
+    Shear s;
+    s.rows = (uint4)(x, y, z, 0u) * ROW;
     s.scale = to_one < 2.0e28f ? to_one * SCALED_EXTENT : 8.5070592e37f;  // 2^126 at most
-    s.scale_z = d_z < 0.0f ? -s.scale : s.scale;
-    s.shear_x = -component(ray.d, s.x) / abs_of(d_z);
-    s.shear_y = -component(ray.d, s.y) / abs_of(d_z);
-    s.length_z = abs_of(d_z) * s.scale;
-    s.shift = (float3)(-component(ray.o, s.x) * s.scale, -component(ray.o, s.y) * s.scale,
-                       -component(ray.o, s.z) * s.scale_z);
+    s.scale_z = float_of(bits_of(s.scale) | (bits_of(d[z]) & 0x80000000u));
+    s.shear_x = d[x] * towards;
+    s.shear_y = d[y] * towards;
+    s.length_z = abs_of(d[z]) * s.scale;
+    s.shift = (float3)(-o[x] * s.scale, -o[y] * s.scale, -o[z] * s.scale_z);
     return s;
 }
 
@@ -52,20 +55,22 @@ static float8 difference_of_products8(const float8 a, const float8 b, const floa
 // Mask of the block's triangles that the ray meets at a scaled depth in [0, limit], and those depths.
 static uint triangles_met8(global const Block *block, const Shear s, const float limit, float8 *depth)
 {
-    global const float8 *rows = &block->v0x;
+    global const char *a = (global const char *)block;
+    global const char *b = a + 3u * ROW;
+    global const char *c = b + 3u * ROW;
     const float8 scale = (float8)(s.scale);
     const float8 scale_z = (float8)(s.scale_z);
-    const float8 az = fma8(rows[s.z], scale_z, (float8)(s.shift.z));
-    const float8 bz = fma8(rows[3u + s.z], scale_z, (float8)(s.shift.z));
-    const float8 cz = fma8(rows[6u + s.z], scale_z, (float8)(s.shift.z));
+    const float8 az = fma8(row_at(a, s.rows.z), scale_z, (float8)(s.shift.z));
+    const float8 bz = fma8(row_at(b, s.rows.z), scale_z, (float8)(s.shift.z));
+    const float8 cz = fma8(row_at(c, s.rows.z), scale_z, (float8)(s.shift.z));
     const float8 shear_x = (float8)(s.shear_x);
     const float8 shear_y = (float8)(s.shear_y);
-    const float8 ax = fma8(az, shear_x, fma8(rows[s.x], scale, (float8)(s.shift.x)));
-    const float8 ay = fma8(az, shear_y, fma8(rows[s.y], scale, (float8)(s.shift.y)));
-    const float8 bx = fma8(bz, shear_x, fma8(rows[3u + s.x], scale, (float8)(s.shift.x)));
-    const float8 by = fma8(bz, shear_y, fma8(rows[3u + s.y], scale, (float8)(s.shift.y)));
-    const float8 cx = fma8(cz, shear_x, fma8(rows[6u + s.x], scale, (float8)(s.shift.x)));
-    const float8 cy = fma8(cz, shear_y, fma8(rows[6u + s.y], scale, (float8)(s.shift.y)));
+    const float8 ax = fma8(az, shear_x, fma8(row_at(a, s.rows.x), scale, (float8)(s.shift.x)));
+    const float8 ay = fma8(az, shear_y, fma8(row_at(a, s.rows.y), scale, (float8)(s.shift.y)));
+    const float8 bx = fma8(bz, shear_x, fma8(row_at(b, s.rows.x), scale, (float8)(s.shift.x)));
+    const float8 by = fma8(bz, shear_y, fma8(row_at(b, s.rows.y), scale, (float8)(s.shift.y)));
+    const float8 cx = fma8(cz, shear_x, fma8(row_at(c, s.rows.x), scale, (float8)(s.shift.x)));
+    const float8 cy = fma8(cz, shear_y, fma8(row_at(c, s.rows.y), scale, (float8)(s.shift.y)));
     const float8 u = difference_of_products8(cx, by, cy, bx);
     const float8 v = difference_of_products8(ax, cy, ay, cx);
     const float8 w = difference_of_products8(bx, ay, by, ax);

@@ -10,7 +10,7 @@ static float conductor_reflectance(const float cosine, const float eta, const fl
 {
     const float c2 = cosine * cosine;
     const float s2 = (1.0f - cosine) * (1.0f + cosine);
-    const float t = (eta - k) * (eta + k) - s2;
+    const float t = (eta - 1.0f) * (eta + 1.0f) + (cosine - k) * (cosine + k);  // eta^2 - k^2 - s2
     const float p = 2.0f * eta * k;
     const float root = sqrt_of(t * t + p * p);
     // root = a^2 + b^2 and t = a^2 - b^2: the larger by sum, the smaller from a b = eta k

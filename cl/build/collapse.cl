@@ -1,11 +1,11 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "build/hierarchy.cl"
 
-// Wide children of binary nodes: roots[i] becomes children[8 i .. 8 i + 7], in order, NONE where empty. With `by_levels`
+// Wide children of binary nodes: roots[i] becomes wide[8 i .. 8 i + 7], in order, NONE where empty. With `by_levels`
 // three binary levels become one wide level whatever that costs: this bounds the depth of odd trees. One item a node.
 kernel void expand(const uint count, const uint triangles, const uint by_levels, global const uint *roots,
-                   global const float8 *primitives, global const float8 *boxes, global const float8 *costs,
-                   global uint *children)
+                   global const float8 *primitives, global const uint *children, global const float8 *costs,
+                   global uint *wide)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
@@ -23,14 +23,14 @@ kernel void expand(const uint count, const uint triangles, const uint by_levels,
         const uint share = shares[top];
         if ((name & LEAF_NAME) != 0u) {
             const uint prim = as_uint(primitives[name & ~LEAF_NAME].s3);
-            children[8u * i + found] = prim < triangles ? name : name | GROUP_NAME;
+            wide[8u * i + found] = prim < triangles ? name : name | GROUP_NAME;
             ++found;
             continue;
         }
         const uint word = as_uint(costs[name].s7);
         const int group = (word & IS_GROUP) != 0u;
         if (share == 1u || (by_levels != 0u && group)) {
-            children[8u * i + found] = group ? name | GROUP_NAME : name;
+            wide[8u * i + found] = group ? name | GROUP_NAME : name;
             ++found;
             continue;
         }
@@ -41,13 +41,13 @@ kernel void expand(const uint count, const uint triangles, const uint by_levels,
             ++top;
             continue;
         }
-        names[top] = as_uint(boxes[name].s7);
+        names[top] = children[2u * name + 1u];
         shares[top] = share - to_left;
-        names[top + 1u] = as_uint(boxes[name].s3);
+        names[top + 1u] = children[2u * name];
         shares[top + 1u] = to_left;
         top += 2u;
     }
     for (; found < 8u; ++found) {
-        children[8u * i + found] = NONE;
+        wide[8u * i + found] = NONE;
     }
 }

@@ -1,15 +1,14 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "build/box.cl"
-// Binary tree over ordered primitives, bottom up, with its boxes and what it costs to cut it into an 8-wide tree.
+// Binary tree over ordered primitives, with its boxes and what it costs to cut it into an 8-wide tree.
 //
-// The tree is given by one number for each gap between neighbours: the smallest of a range is where the range splits
-// (common leading bits of Morton codes give the radix tree of Karras 2012, depths of SAH splits give the SAH tree).
-// One item climbs from each primitive; the second to reach a node goes on (Apetrei, "Fast and simple agglomerative
-// LBVH construction", 2014). A node is named by the gap where it splits.
+// The tree is given by one number for each gap between neighbours, its level: the smallest of a range is where the
+// range splits, and no range has two of them. Common leading bits of Morton codes give the radix tree of Karras
+// ("Maximizing parallelism in the construction of BVHs, octrees and k-d trees", 2012), depths of SAH splits the SAH
+// tree. A node is named by the gap where it splits; every node finds its own range, so all are independent.
 //
-// Race rule: a child's arrays are written before its name is exchanged into its parent's slot, with a fence between;
-// only the item that finds the sibling's name there reads them. Every result is a function of the children alone, so
-// the order of arrival changes nothing.
+// Race rule: a child is written into its parent's slot by one item alone. Boxes and costs are joined in one launch for
+// each level, deepest first, and a child's level is always larger than its parent's.
 
 // Names of wide children: a node's gap, and with these bits:
 #define LEAF_NAME 0x80000000u   // a single triangle by its place; with both bits a single shape
@@ -21,19 +20,16 @@
 #define HAS_SHAPES (1u << 25)
 
 typedef struct {
-    uint name;
-    uint first, last;
+    uint count;
     uint word;
-    float8 box;     // of a stored node also: s3 = name of the left child, s7 = of the right one
+    float8 box;
     float cost[8];  // [i] = least cost of the subtree as i or fewer wide children, 1..7
 } Subtree;
 
-static Subtree subtree_of_primitive(const uint place, const float8 primitive, const float scale, const uint triangles)
+static Subtree subtree_of_primitive(const float8 primitive, const float scale, const uint triangles)
 {
     Subtree tree;
-    tree.name = LEAF_NAME | place;
-    tree.first = place;
-    tree.last = place;
+    tree.count = 1u;
     tree.word = as_uint(primitive.s3) >= triangles ? HAS_SHAPES : 0u;
     tree.box = primitive;
     const float area = half_area(primitive, scale);
@@ -45,15 +41,11 @@ static Subtree subtree_of_primitive(const uint place, const float8 primitive, co
 
 // Optimal cut into wide nodes: Wald, Benthin, Boulos 2008 and Ylitie, Karras, Laine 2017 (section 3.2), with a leaf as
 // exactly one block. Visiting a node and visiting a block both cost 1.
-static Subtree join(const uint gap, const Subtree left, const Subtree right, const float scale)
+static Subtree join(const Subtree left, const Subtree right, const float scale)
 {
     Subtree tree;
-    tree.name = gap;
-    tree.first = left.first;
-    tree.last = right.last;
+    tree.count = left.count + right.count;
     tree.box = merge(left.box, right.box);
-    tree.box.s3 = as_float(left.name);
-    tree.box.s7 = as_float(right.name);
     tree.word = (left.word | right.word) & HAS_SHAPES;
     float shared[9];
     uint to_left[9];
@@ -72,7 +64,7 @@ static Subtree join(const uint gap, const Subtree left, const Subtree right, con
     }
     const float area = half_area(tree.box, scale);
     const float as_node = area + shared[8];
-    const int may_group = tree.last - tree.first < 8u && (tree.word & HAS_SHAPES) == 0u;
+    const int may_group = tree.count <= 8u && (tree.word & HAS_SHAPES) == 0u;
     if (may_group && area <= as_node) {
         tree.word |= IS_GROUP;
     }
@@ -87,15 +79,16 @@ static Subtree join(const uint gap, const Subtree left, const Subtree right, con
     return tree;
 }
 
-static Subtree load_subtree(const uint name, volatile global const float8 *boxes, volatile global const float8 *costs,
-                            volatile global const uint2 *ranges)
+static Subtree load_subtree(const uint name, const uint triangles, const float scale, global const float8 *primitives,
+                            global const float8 *boxes, global const float8 *costs, global const uint2 *ranges)
 {
+    if ((name & LEAF_NAME) != 0u) {
+        return subtree_of_primitive(primitives[name & ~LEAF_NAME], scale, triangles);
+    }
     Subtree tree;
     const float8 cost = costs[name];
     const uint2 range = ranges[name];
-    tree.name = name;
-    tree.first = range.x;
-    tree.last = range.y;
+    tree.count = range.y - range.x + 1u;
     tree.box = boxes[name];
     tree.word = as_uint(cost.s7);
     tree.cost[1] = cost.s0;
@@ -108,37 +101,52 @@ static Subtree load_subtree(const uint name, volatile global const float8 *boxes
     return tree;
 }
 
-// root: name of the tree's root. slots: one for each gap, NONE at the start. scale: about 1/longest edge of the scene.
-kernel void climb(const uint count, const uint triangles, const float scale, global const float8 *primitives,
-                  global const ushort *levels, volatile global uint *slots, volatile global float8 *boxes,
-                  volatile global float8 *costs, volatile global uint2 *ranges, global uint *root)
+// Range (first, last primitive) of every node, and the names of its children: 2 for each node. One item a gap. The
+// scans end at the nearest smaller levels, so that all of them together cost primitives times mean depth.
+kernel void link_nodes(const uint gaps, global const ushort *levels, global uint2 *ranges, global uint *children)
 {
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
+    const uint gap = (uint)get_global_id(0);
+    if (gap >= gaps) {
         return;
     }
-    Subtree tree = subtree_of_primitive(i, primitives[i], scale, triangles);
-    for (uint step = 0; step < count; ++step) {
-        if (tree.first == 0u && tree.last == count - 1u) {
-            root[0] = tree.name;
-            return;
-        }
-        const int is_left = tree.first == 0u
-                            || (tree.last != count - 1u && levels[tree.last] > levels[tree.first - 1u]);
-        const uint gap = is_left ? tree.last : tree.first - 1u;
-        mem_fence(CLK_GLOBAL_MEM_FENCE);
-        const uint other = atomic_xchg(&slots[gap], tree.name);
-        if (other == NONE) {
-            return;
-        }
-        mem_fence(CLK_GLOBAL_MEM_FENCE);
-        const Subtree sibling = (other & LEAF_NAME) != 0u
-            ? subtree_of_primitive(other & ~LEAF_NAME, primitives[other & ~LEAF_NAME], scale, triangles)
-            : load_subtree(other, boxes, costs, ranges);
-        tree = is_left ? join(gap, tree, sibling, scale) : join(gap, sibling, tree, scale);
-        boxes[gap] = tree.box;
-        costs[gap] = (float8)(tree.cost[1], tree.cost[2], tree.cost[3], tree.cost[4], tree.cost[5], tree.cost[6],
-                              tree.cost[7], as_float(tree.word));
-        ranges[gap] = (uint2)(tree.first, tree.last);
+    const ushort level = levels[gap];
+    uint first = gap;
+    while (first > 0u && levels[first - 1u] > level) {
+        --first;
     }
+    uint last = gap + 1u;
+    while (last < gaps && levels[last] > level) {
+        ++last;
+    }
+    ranges[gap] = (uint2)(first, last);
+    if (first == gap) {
+        children[2u * gap] = LEAF_NAME | gap;
+    }
+    if (last == gap + 1u) {
+        children[2u * gap + 1u] = LEAF_NAME | last;
+    }
+    const int has_left = first > 0u;
+    if (last < gaps && (!has_left || levels[last] > levels[first - 1u])) {
+        children[2u * last] = gap;
+    } else if (has_left) {
+        children[2u * (first - 1u) + 1u] = gap;
+    }
+}
+
+// Boxes and costs of the nodes gaps[first .. first + count), whose children are done. scale: 1 / longest edge of the
+// scene, about. costs: least costs as 1..7 wide children, then the word.
+kernel void join_nodes(const uint count, const uint first, const uint triangles, const float scale,
+                       global const uint *gaps, global const float8 *primitives, global const uint2 *ranges,
+                       global const uint *children, global float8 *boxes, global float8 *costs)
+{
+    if (get_global_id(0) >= count) {
+        return;
+    }
+    const uint gap = gaps[first + get_global_id(0)];
+    const Subtree left = load_subtree(children[2u * gap], triangles, scale, primitives, boxes, costs, ranges);
+    const Subtree right = load_subtree(children[2u * gap + 1u], triangles, scale, primitives, boxes, costs, ranges);
+    const Subtree tree = join(left, right, scale);
+    boxes[gap] = tree.box;
+    costs[gap] = (float8)(tree.cost[1], tree.cost[2], tree.cost[3], tree.cost[4], tree.cost[5], tree.cost[6],
+                          tree.cost[7], as_float(tree.word));
 }

@@ -6,8 +6,8 @@ import time
 
 import numpy as np
 import pytest
-from build_cases import chain, chains, check_tree, identical, mesh, soup, terrain, with_outlier
 
+from build_cases import chain, chains, check_tree, identical, mesh, soup, terrain, with_outlier
 from raytide.accel import FlatGeometry, build_tree
 from raytide.accel.boxes import centers_of, edge_scale, half_area, primitive_boxes
 from raytide.accel.host_sah import sah_order

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from build_cases import check_tree, mixed
 
+from build_cases import check_tree, mixed
 from raytide.accel import FlatGeometry, build_tree, refit_tree
 
 

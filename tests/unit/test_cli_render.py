@@ -223,6 +223,15 @@ def test_log_json_makes_every_stderr_line_json(
     assert rows[4]["left_s"] == pytest.approx(2.0)
 
 
+def test_log_json_holds_for_failures_too(
+    fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["render", "scene.toml", "-o", "a.exr", "--spp", "x", "--log-json"]) == 2
+    (row,) = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert (row["event"], row["exit_code"]) == ("failed", 2)
+    assert "--spp" in row["text"]
+
+
 def test_progress_without_a_terminal_is_a_line_every_ten_seconds(
     fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+
 from raytide.device import rundir
 from raytide.device.cache import FileCache, digest
 from raytide.device.storage import cache_facts, clear_cache
@@ -36,7 +37,7 @@ def test_what_was_put_comes_back(cache: FileCache) -> None:
 def test_no_flipped_byte_passes_the_digest(cache: FileCache) -> None:
     cache.put(KEY, {"name": "shade"}, PAYLOAD)
     whole = cache.path(KEY).read_bytes()
-    for place in [*range(0, 120), *range(120, len(whole), 97), len(whole) - 1]:
+    for place in [*range(120), *range(120, len(whole), 97), len(whole) - 1]:
         damaged = bytearray(whole)
         damaged[place] ^= 1
         cache.path(KEY).write_bytes(damaged)

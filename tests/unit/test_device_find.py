@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from raytide.device import doctor, examine, icd, intel
 from raytide.device.compile import binary_key, build_options
 from raytide.device.failure import failure, human

@@ -173,7 +173,7 @@ def test_importing_scenes_is_quick_and_light() -> None:
 
 def test_shipped_scenes_load(tmp_path: Path) -> None:
     root = Path(__file__).resolve().parents[2] / "scenes"
-    files = sorted(root.glob("*/*.toml"))
+    files = sorted(path for path in root.glob("*/*.toml") if "[camera]" in path.read_text())
     assert files
     for path in files:
         folder = shutil.copytree(path.parent, tmp_path / path.parent.name, dirs_exist_ok=True)

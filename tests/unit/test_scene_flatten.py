@@ -57,8 +57,10 @@ def test_faces_of_a_closed_mesh_look_outward_under_any_transform(scale, degrees,
     assert signed_volume(flat) == pytest.approx(np.prod(scale), rel=1e-9)
     assert flat.objects[0].flipped == (sign_x * sign_y < 0)
     assert flat.normals is not None
-    outward = np.einsum("ij,ij->i", face_normals(flat), flat.normals[flat.triangles[:, 0]])
-    assert (outward > 0).all()
+    centre = flat.vertices.mean(axis=0)
+    from_centre = flat.vertices[flat.triangles[:, 0]] - centre
+    assert (np.einsum("ij,ij->i", face_normals(flat), from_centre) > 0).all()
+    assert (np.einsum("ij,ij->i", flat.normals, flat.vertices - centre) > 0).all()
 
 
 def test_steps_apply_in_order() -> None:
@@ -199,19 +201,21 @@ def test_file_normals_win_over_computed_ones(tmp_path: Path) -> None:
 
 
 def test_what_vanishes_or_leaves_the_range_is_dropped_and_told() -> None:
-    flat = flat_of(rt.mesh(vertices=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [1e17, 0, 0]], faces=[[0, 1, 2], [0, 1, 3], [0, 4, 2]]).scale(100))  # fmt: skip
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [1e17, 0, 0]]
+    flat = flat_of(rt.mesh(vertices=corners, faces=[[0, 1, 2], [0, 1, 3], [0, 4, 2]]).scale(100))
     assert len(flat.triangles) == 1
     assert "objects.mesh1: dropped 1 triangles of zero area" in flat.warnings
     assert any("dropped 1 triangles moved beyond 1.8e+18" in words for words in flat.warnings)
     assert np.isfinite(flat.vertices).all()
     assert np.abs(flat.vertices).max() <= 1.8e18
-    tiny = flat_of(cube().scale(1e-17).scale(0.01))
+    tiny = flat_of(rt.mesh(vertices=CUBE_CORNERS * 0.01, faces=CUBE_FACES).scale(1e-17))
     assert len(tiny.triangles) == 0
     assert any("vanish" in words for words in tiny.warnings)
 
 
 def test_shapes_moved_out_of_range_are_refused() -> None:
-    for shape in (rt.sphere().scale(1e17).scale(1e2), rt.sphere((1e18, 0, 0)).translate(1e18, 0, 0), rt.box().scale(1e-17).scale(1e-2)):  # fmt: skip
+    far, large = rt.sphere((1e18, 0, 0)).translate(1e18, 0, 0), rt.sphere().scale(1e17).scale(1e2)
+    for shape in (far, large, rt.box().scale(1e-17).scale(1e-2)):
         with pytest.raises(SceneError, match="objects.(sphere|box)1.transform"):
             flat_of(shape)
 

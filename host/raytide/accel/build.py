@@ -51,7 +51,7 @@ def build_tree(
         starts = () if builder == "none" else (0,)
         packed = Packed(empty_nodes(len(starts)), len(blocks), lambda: blocks, starts)
         return Tree(packed, _stats(builder, "host", packed, geometry, start, 0.0))
-    on_host = place == "host" or device is None or (not place and geometry.primitive_count <= HOST_LIMIT)
+    on_host = place == "host" or device is None or geometry.primitive_count <= (1 if place == "device" else HOST_LIMIT)
     source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device)
     tree: BinaryTree = source.tree(builder)
     found = cut(tree, max_depth())

@@ -10,8 +10,8 @@ from raytide.accel.boxes import centers_of, edge_scale, shape_boxes
 from raytide.accel.limits import kernel_constant
 from raytide.accel.morton import grid_scale, refined_order
 from raytide.accel.tree import FlatGeometry, Packed
-from raytide.accel.wide import Cut
-from raytide.kernels import NONE, RECORDS, Features, Source, assemble
+from raytide.accel.wide import GROUP_NAME, Cut
+from raytide.kernels import RECORDS, Features, Source, assemble
 
 if TYPE_CHECKING:
     from raytide.device import Buffer, Device
@@ -24,6 +24,7 @@ _CHUNK_OTHERWISE = 8192
 _SUBTREE_OTHERWISE = 4096
 _LOCAL = 64
 _DIGITS = 256  # build/radix.cl
+_IS_GROUP = 1 << 24  # build/hierarchy.cl
 
 
 def build_source() -> Source:
@@ -174,24 +175,32 @@ class DeviceTree:
         device = builder.device
         self._builder, self._ordered = builder, ordered
         self._triangles = np.uint32(len(builder.geometry.triangles))
-        slots, root = device.empty((count - 1) * 4), device.empty(4)
-        device.fill(slots, NONE, (count - 1) * 4)
-        self._boxes, self._costs = device.empty((count - 1) * 32), device.empty((count - 1) * 32)
-        self._ranges = device.empty((count - 1) * 8)
-        builder.launch(
-            "climb", count, self._triangles, scale, ordered, levels, slots, self._boxes, self._costs, self._ranges, root
-        )
-        self.root = int(device.read(root, np.uint32, 1)[0])
+        gaps = count - 1
+        self._boxes, self._costs = device.empty(gaps * 32), device.empty(gaps * 32)
+        self._ranges, self._children = device.empty(gaps * 8), device.empty(gaps * 8)
+        builder.launch("link_nodes", gaps, levels, self._ranges, self._children)
+        level_of = device.read(levels, np.uint16, gaps)
+        by_level = np.argsort(level_of, kind="stable").astype(np.uint32)
+        ends = np.flatnonzero(np.diff(level_of[by_level], append=np.uint16(0xFFFF))) + 1
+        gap_buffer = device.upload(by_level)
+        for first, end in reversed(list(zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True))):
+            builder.launch(
+                "join_nodes", end - first, np.uint32(first), self._triangles, scale, gap_buffer, ordered, self._ranges,
+                self._children, self._boxes, self._costs,
+            )  # fmt: skip
+        self.root = int(by_level[0])
+        if device.read(self._costs, np.uint32, 1, offset=32 * self.root + 28)[0] & _IS_GROUP:
+            self.root |= GROUP_NAME
 
     def expand(self, roots: np.ndarray, by_levels: bool) -> np.ndarray:
         """Names (m, 8) of the wide children of binary nodes (m,)."""
         device = self._builder.device
-        children = device.empty(len(roots) * 32)
+        wide = device.empty(len(roots) * 32)
         self._builder.launch(
             "expand", len(roots), self._triangles, np.uint32(by_levels), device.upload(roots), self._ordered,
-            self._boxes, self._costs, children,
+            self._children, self._costs, wide,
         )  # fmt: skip
-        return device.read(children, np.uint32, len(roots) * 8).reshape(-1, 8)
+        return device.read(wide, np.uint32, len(roots) * 8).reshape(-1, 8)
 
     def pack(self, found: Cut) -> Packed:
         """Records of a cut; blocks stay on the device until they are asked for."""

@@ -33,9 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return run(words)
     except RaytideError as error:
-        return failed(str(error), error.exit_code)
+        return failed(str(error), error.exit_code, words)
     except KeyboardInterrupt:
-        return failed("interrupted; nothing was written", INTERRUPTED)
+        return failed("interrupted; nothing was written", INTERRUPTED, words)
     except BrokenPipeError:  # the reader of stdout went away, as in `raytide devices | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -64,11 +64,11 @@ def run(words: list[str]) -> int:
 
         hint = nearest(words[0], list(COMMANDS))
         wanted = f"wanted one of {', '.join(COMMANDS)}" + (f"; {hint}" if hint else "")
-        return failed(f"came the unknown command {words[0]!r}; {wanted}", 2)
+        return failed(f"came the unknown command {words[0]!r}; {wanted}", 2, words)
     try:
         result = app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        return failed(f"{' '.join(str(error).split())} (`{help_command(words)}` lists the options)", 2)
+        return failed(f"{' '.join(str(error).split())} (`{help_command(words)}` lists the options)", 2, words)
     return result if isinstance(result, int) else 0
 
 
@@ -111,10 +111,15 @@ def help_command(words: Sequence[str]) -> str:
     return f"raytide {words[0]} --help" if words[0] in COMMANDS else "raytide --help"
 
 
-def failed(message: str, code: int) -> int:
-    """Print why and give the exit code back."""
+def failed(message: str, code: int, words: Sequence[str]) -> int:
+    """Print why, as JSON to those who asked for it, and give the exit code back."""
     sys.stdout.flush()
-    print("\n".join(f"raytide: {line}" for line in message.splitlines() or ["failed"]), file=sys.stderr)
+    if "--log-json" in words:
+        import json
+
+        print(json.dumps({"event": "failed", "exit_code": code, "text": message}), file=sys.stderr)
+    else:
+        print("\n".join(f"raytide: {line}" for line in message.splitlines() or ["failed"]), file=sys.stderr)
     return code
 
 
@@ -124,5 +129,5 @@ def unfinished(message: str, words: Sequence[str]) -> int:
         import traceback
 
         traceback.print_exc()
-        return failed(message, 1)
-    return failed(f"{message} (-v shows where)", 1)
+        return failed(message, 1, words)
+    return failed(f"{message} (-v shows where)", 1, words)

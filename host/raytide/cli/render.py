@@ -196,7 +196,7 @@ def summary(scene: Scene, film: Film, signals: StopOnSignal, as_json: bool) -> s
     stats = film.stats
     if as_json:
         named = ("spp", "seconds", "rays", "mrays_per_s", "error", "device")
-        row = {key: stats.get(key) for key in named} | {"size": list(scene.camera.size), "partial": bool(signals.number)}
+        row = {key: stats.get(key) for key in named} | {"size": scene.camera.size, "partial": bool(signals.number)}
         return json.dumps({"event": "done"} | row)
     width, height = scene.camera.size
     parts = [f"{width}x{height}", f"{film.spp} spp in {stats.get('seconds', 0.0):.2f} s"]

@@ -35,8 +35,8 @@ def build_options(info: DeviceInfo) -> tuple[str, ...]:
     classes = {
         "POCL": info.kind == "pocl",
         "INTEL": info.kind == "intel",
-        "CPU": info.type == "cpu",
-        "GPU": info.type == "gpu",
+        "CPU": info.kind != "gpu",
+        "GPU": info.kind == "gpu",
     }
     return ("-cl-std=CL1.2", *(f"-DDEVICE_{name}={int(on)}" for name, on in classes.items()))
 

@@ -157,8 +157,10 @@ class Device:
     def _kernel(self, program: Program, name: str) -> Any:
         try:
             handle = self._cl.Kernel(program.raw, name)
-        except self._cl.Error:
+        except self._cl.Error as error:
             names = program.raw.get_info(self._cl.program_info.KERNEL_NAMES)
+            if name in names.split(";"):
+                raise failure(error, f"making the kernel {program.name}.{name}", self.info) from None
             raise OpenCLFailure(f"program '{program.name}' has no kernel '{name}'; it has: {names}") from None
         program.kernels[name] = handle
         return handle

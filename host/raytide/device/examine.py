@@ -10,8 +10,9 @@ import os
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 from typing import Any
+
+from raytide.device.worker import child_command
 
 _LIST_LIMIT_S = 60.0
 _DEVICE_LIMIT_S = 180.0
@@ -41,8 +42,6 @@ def test_in_child(device_id: str, icd_file: str | None) -> tuple[dict[str, Any],
 
 
 def _ask(arguments: list[str], limit_s: float, icd_file: str | None) -> tuple[dict[str, Any] | None, str | None]:
-    root = str(Path(__file__).resolve().parents[2])
-    boot = f"import sys; sys.path.insert(0, {root!r}); from raytide.device.examine import main; main()"
     with tempfile.TemporaryDirectory(prefix="raytide-doctor-") as folder:
         environment = {**os.environ, "RAYTIDE_CACHE_DIR": folder, "RAYTIDE_BUILD_WORKERS": "0"}
         environment.pop("RAYTIDE_DEVICE", None)
@@ -51,7 +50,7 @@ def _ask(arguments: list[str], limit_s: float, icd_file: str | None) -> tuple[di
             environment["OCL_ICD_VENDORS"] = icd_file
         try:
             done = subprocess.run(
-                [sys.executable, "-c", boot, *arguments],
+                [*child_command("raytide.device.examine"), *arguments],
                 env=environment,
                 capture_output=True,
                 timeout=limit_s,

@@ -191,7 +191,7 @@ def _device_info(
 
 
 def _kind(word: str, type_: str) -> str:
-    if type_ == "gpu":
+    if type_ == "gpu" or word == "oclgrind":  # Oclgrind knows OpenCL's own functions, and not the compiler's
         return "gpu"
     return word if word in ("pocl", "intel") else "cpu"
 

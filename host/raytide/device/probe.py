@@ -121,8 +121,8 @@ def load_probe(info: DeviceInfo, options: Sequence[str]) -> ProbeResult | None:
     return ProbeResult(**content)
 
 
-def run_probe(device: Device, program: Program) -> ProbeResult:
-    """Run the probe's kernels, keep the result, and log what weakens the device."""
+def run_probe(device: Device, program: Program, keep: bool = True) -> ProbeResult:
+    """Run the probe's kernels and log what weakens the device; `keep` writes the result for later processes."""
     special = _special(device, program)
     fma_once, divide_ulp, sqrt_ulp = _precision(device, program)
     result = ProbeResult(
@@ -143,7 +143,8 @@ def run_probe(device: Device, program: Program) -> ProbeResult:
     for text in result.warnings:
         log.info("%s: %s", device.info.id, text)
     facts = {"device": device.info.id, "driver": device.info.driver}
-    FileCache("probes").put(_key(device.info, device.options), facts, json.dumps(asdict(result)).encode())
+    if keep:
+        FileCache("probes").put(_key(device.info, device.options), facts, json.dumps(asdict(result)).encode())
     return result
 
 

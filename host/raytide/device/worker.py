@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -27,6 +26,15 @@ _IDLE_S = 20.0
 _LIMIT_S = 600.0  # for one program
 
 
+def child_command(module: str) -> list[str]:
+    """How to run main() of a module of this very raytide in another Python, wherever it was imported from."""
+    root = str(Path(__file__).resolve().parents[2])
+    boot = (
+        f"import sys; sys.path.insert(0, {root!r}); import raytide; del sys.path[0]; from {module} import main; main()"
+    )
+    return [sys.executable, "-P", "-c", boot]
+
+
 class WorkerDied(DeviceError):
     """The child ended without an answer: its compiler crashed, or it was too slow."""
 
@@ -37,17 +45,16 @@ class Worker:
     def __init__(self, info: DeviceInfo) -> None:
         self.info = info
         self._stderr = tempfile.TemporaryFile()
-        package_root = str(Path(__file__).resolve().parents[2])
-        boot = f"import sys; sys.path.insert(0, {package_root!r}); from raytide.device.worker import main; main()"
         environment = dict(os.environ)
         if info.icd_file and sys.platform.startswith("linux"):
             environment["OCL_ICD_VENDORS"] = info.icd_file  # the child needs no other driver
         self._process = subprocess.Popen(
-            [sys.executable, "-c", boot, info.id, info.name],
+            [*child_command("raytide.device.worker"), info.id, info.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._stderr,
             env=environment,
+            start_new_session=True,  # Ctrl-C goes to the parent alone, which decides
         )
 
     @property
@@ -114,7 +121,6 @@ class Worker:
 
 def main() -> None:
     """The child's life: find the device, answer jobs until there are no more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a driver prints must not mix with answers
     from raytide.device.environment import opencl

@@ -11,7 +11,7 @@ import numpy as np
 from raytide.errors import Problem, SceneError
 from raytide.importers.limits import LARGEST, MOST_TRIANGLES, MOST_VERTICES, SMALLEST
 
-SLIVER = 1e-15  # area over longest edge squared below which float64 corners are collinear
+ROUNDING = 8 * 2.0**-53  # relative error of a difference of products whose factors are rounded too
 
 
 @dataclass(frozen=True)
@@ -99,12 +99,13 @@ def longest_edges(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def has_no_area(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(T,) bool: corners that coincide or lie on one line, up to float64 rounding."""
+    """(T,) bool: corners that coincide or lie on one line, as far as the rounding of float64 can tell."""
     a, b, c = (vertices[triangles[:, corner].astype(np.intp)] for corner in range(3))
-    longest = longest_edges(vertices, triangles)
-    scale = np.where(longest > 0, longest, 1.0)[:, None]
-    area = np.linalg.norm(np.cross((b - a) / scale, (c - a) / scale), axis=1)
-    return ~(area > SLIVER)
+    first, second = b - a, c - a
+    following, last = [1, 2, 0], [2, 0, 1]
+    one = first[:, following] * second[:, last]
+    other = first[:, last] * second[:, following]
+    return ~(np.abs(one - other) > ROUNDING * (np.abs(one) + np.abs(other))).any(axis=1)
 
 
 def _clean_normals(normals: np.ndarray | None, notes: list[str]) -> tuple[np.ndarray | None, list[str]]:

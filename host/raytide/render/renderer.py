@@ -118,10 +118,10 @@ class Renderer:
         self._sums = [self.device.empty(pixels * 16) for _ in range(3)]
         self._difference = self.device.empty(pixels * 32)
         self._health = self.device.empty(64)
-        self._restart()
+        self.restart()
 
-    def _restart(self) -> None:
-        """Film and counters to zero."""
+    def restart(self) -> None:
+        """Film and counters to zero: a new picture of the same scene."""
         pixels = int(np.prod(self.flat.camera.size))
         for buffer in self._sums:
             self.device.fill(buffer, 0, pixels * 16)

@@ -18,6 +18,7 @@ from raytide.render.pack import PackedScene
 from raytide.render.schedule import CHUNK, WavePlan
 
 EDGE_BINS = 16
+Observer = Callable[[str, Buffer, int, int, Buffer, Buffer], None]  # label, queue, first, count, rays, paths
 COUNTERS = 16 + 2 * EDGE_BINS
 
 
@@ -65,6 +66,7 @@ class Waves:
     ) -> None:
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
         self.rays = RayCounts()
+        self.observe: Observer | None = None
         slots = plan.capacity
         ray = RECORDS["Ray"].size
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
@@ -118,6 +120,8 @@ class Waves:
         self._extend(place, count, "primary")
 
     def _extend(self, first: int, count: int, label: str) -> None:
+        if self.observe:
+            self.observe(label, self._queues[0], first, count, self._rays, self._paths)
         self.device.launch(
             self.programs["extend"], "extend", count, 64,
             *self.scene.geometry, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits,
@@ -149,6 +153,9 @@ class Waves:
         self.rays.reflection += onward
         self.rays.shadow += shadows
         if shadow:
+            if self.observe:
+                label = _label("shadow", shadows)
+                self.observe(label, self._shadow_queue, 0, shadow, self._shadow_rays, self._paths)
             launch(
                 programs["shadow"], "shadow", shadow, 64,
                 *scene.geometry, self._shadow_queue, np.uint32(shadow),

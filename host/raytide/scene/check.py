@@ -69,15 +69,17 @@ def _place_problems(name: str, shape: Shape) -> list[Problem]:
 
 
 def _mesh_problems(scene: Scene, name: str, shape: Mesh) -> list[Problem]:
-    key = path_words(("objects", name, "mesh"))
+    key = path_words(("objects", name, "mesh" if shape.mesh is not None else "faces"))
     try:
         scene.mesh_data(shape)
     except ValueError as error:
         return [Problem(key, f"the path {ascii(shape.mesh)}", str(error))]
     except SceneError as error:
-        return [
-            Problem(key, f"{found.file}: {found.came}", found.wanted, hint=found.hint) for found in error.problems
-        ]
+        problems = []
+        for found in error.problems:
+            came = f"{found.file}: {found.came}" if found.file else found.came
+            problems.append(Problem(key, came, found.wanted, hint=found.hint))
+        return problems
     return []
 
 

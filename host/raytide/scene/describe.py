@@ -129,7 +129,7 @@ def _float_words(value: float) -> str:
         return "NaN"
     if math.isinf(value):
         return "-Infinity" if value < 0 else "Infinity (or a number too large for a float)"
-    return repr(value)
+    return repr(value).removesuffix(".0")
 
 
 def nearest(word: str, candidates: list[str] | tuple[str, ...]) -> str | None:

@@ -10,7 +10,7 @@ from raytide.errors import Problem, SceneError
 from raytide.importers.files import read_bounded
 from raytide.scene.describe import nearest
 
-LIMITS = {".toml": 4 << 20, ".json": 16 << 20}  # bytes; larger geometry belongs in mesh files
+LIMITS = {".toml": 1 << 20, ".json": 8 << 20}  # bytes; larger geometry belongs in mesh files
 
 
 def read_text(path: Path) -> str:

@@ -17,6 +17,8 @@ _STRING = re.compile(
     r'"""(?:[^\\]|\\.)*?"""|' + r"'''.*?'''|" + r'"(?:[^"\\\n]|\\.)*"' + r"|'[^'\n]*'", re.DOTALL
 )
 _LAST = re.compile(r"""(?:\.?(?:[A-Za-z0-9_-]+|'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")|\[\d+\])$""")
+_ROW = re.compile(r"\[[^\[\]{}\"'#]*+\]")
+_NUMBERS = re.compile(r"(?:[^\[\]{}\"'#]|\[[^\[\]{}\"'#]*+\])++")
 _BARE = re.compile(r"[^,\]\}\n#]+")
 
 
@@ -80,33 +82,44 @@ class _Scan:
             raise _Lost
         letter = self.skip()
         if letter == "{":
-            self.items(path, "}")
+            self.table(path)
         elif letter == "[":
-            self.items(path, "]")
+            self.array(path)
         elif letter in ('"', "'"):
             self.take(_STRING)
         else:
             self.take(_BARE)
 
-    def items(self, path: tuple[str | int, ...], end: str) -> None:
+    def table(self, path: tuple[str | int, ...]) -> None:
+        """`{...}` of either language."""
         self.place += 1
-        count = 0
-        while (letter := self.skip()) != end:
-            if not letter:
-                raise _Lost
+        while (letter := self.skip()) != "}":
             if letter == ",":
                 self.place += 1
                 continue
-            inner: tuple[str | int, ...] = (*path, count)
-            if end == "}":
-                inner = (*path, *self.dotted())
+            inner = (*path, *self.dotted())
             self.note(inner, len(path))
-            if end == "}":
-                if self.skip() not in ("=", ":"):
-                    raise _Lost
-                self.place += 1
+            if self.skip() not in ("=", ":"):
+                raise _Lost
+            self.place += 1
             self.value(inner)
-            count += 1
+        self.place += 1
+
+    def array(self, path: tuple[str | int, ...]) -> None:
+        """`[...]`; only items that are tables have lines of their own, numbers are passed over at once."""
+        self.place += 1
+        count = 0
+        while (letter := self.skip()) != "]":
+            plain = _NUMBERS.match(self.text, self.place)
+            if plain:
+                self.place = plain.end()
+                count += _ROW.sub("", plain.group()).count(",") if self.skip() != "]" else 0
+            elif letter in ("{", "[", '"', "'"):
+                if letter == "{":
+                    self.note((*path, count), len(path))
+                self.value((*path, count))
+            else:
+                raise _Lost
         self.place += 1
 
     def toml(self) -> None:

@@ -1,0 +1,136 @@
+"""The slab test: planes that contain the ray, zero directions of both signs, flat boxes, and aimed edges."""
+
+from __future__ import annotations
+
+import numpy as np
+from oracles_geometry import exactly_meets_box, mesh, rays_of, simple_tree, soup, tracer
+
+from raytide.kernels import NONE, RECORDS
+
+
+def node_of(boxes: np.ndarray) -> np.ndarray:
+    """One node with up to 8 boxes (n, 2, 3), exactly as given: no outward rounding."""
+    node = np.zeros(1, RECORDS["Node"].dtype)
+    node["child"] = NONE
+    for axis, name in enumerate("xyz"):
+        node["lo" + name], node["hi" + name] = 1e30, -1e30
+        node["lo" + name][0, : len(boxes)], node["hi" + name][0, : len(boxes)] = boxes[:, 0, axis], boxes[:, 1, axis]
+    return node
+
+
+def masks(device: object, boxes: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Which of the boxes (n, 2, 3) each ray meets: bit masks."""
+    something = soup(np.ones((1, 3, 3)))
+    return tracer(device, something, (node_of(np.asarray(boxes, np.float32)), simple_tree(something)[1])).words(
+        "boxes", rays
+    )
+
+
+def test_a_ray_in_a_face_plane_meets_the_box(device: object) -> None:
+    """Origin on a face plane, direction +-0 along its normal: 3 axes, 2 faces, 2 signs of zero."""
+    origins, directions = [], []
+    for axis in range(3):
+        for face in (-1.0, 1.0):
+            for zero in (0.0, -0.0):
+                origin, direction = np.full(3, 0.2), np.full(3, zero)
+                origin[axis], origin[(axis + 1) % 3] = face, -3.0
+                direction[(axis + 1) % 3] = 1.0
+                origins.append(origin)
+                directions.append(direction)
+    found = masks(device, [[[-1, -1, -1], [1, 1, 1]]], rays_of(np.array(origins), np.array(directions)))
+    assert found.tolist() == [1] * 12
+
+
+def test_a_ray_beside_a_box_it_is_parallel_to_misses(device: object) -> None:
+    above = np.nextafter(np.float32(1), np.float32(2))
+    rays = rays_of([[above, -3, 0.2], [-above, -3, 0.2], [0.2, -3, above]], [[0, 1, 0], [-0.0, 1, 0], [0, 1, -0.0]])
+    assert masks(device, [[[-1, -1, -1], [1, 1, 1]]], rays).tolist() == [0, 0, 0]
+
+
+def test_a_ray_in_the_plane_of_two_boxes_meets_both(device: object) -> None:
+    boxes = [[[0, -1, -1], [1, 1, 1]], [[-1, -1, -1], [0, 1, 1]]]
+    rays = rays_of([[0, -3, 0.2], [-0.0, -3, 0.2]] * 2, [[0, 1, 0], [0, 1, 0], [-0.0, 1, 0], [-0.0, 1, 0.1]])
+    assert masks(device, boxes, rays).tolist() == [3, 3, 3, 3]
+
+
+def test_no_lane_without_a_box_is_met(device: object) -> None:
+    rng = np.random.default_rng(2)
+    rays = rays_of(
+        rng.normal(size=(2000, 3)), np.concatenate([rng.normal(size=(1000, 3)), np.eye(3)[rng.integers(3, size=1000)]])
+    )
+    boxes = [[[-9, -9, -9], [9, 9, 9]]]
+    assert (masks(device, boxes, rays) == 1).all()
+
+
+def test_no_ray_aimed_at_an_edge_of_a_box_misses_it(device: object) -> None:
+    """Half sizes 1e-6 to 1, near and 1e3 away. The stored box is one float larger, as builders store it; whatever
+    meets the exact box must meet that one."""
+    rng = np.random.default_rng(4)
+    wrong = checked = 0
+    for _ in range(60):
+        center = np.float32(rng.normal(size=3) * rng.choice([1.0, 1e3]))
+        half = 10.0 ** rng.uniform(-6, 0, 3)
+        low, high = np.float32(center - half), np.float32(center + half)
+        count = 400
+        corner = np.where(rng.random((count, 3)) < 0.5, low, high).astype(np.float64)
+        free = rng.integers(3, size=count)
+        corner[np.arange(count), free] = rng.uniform(low[free], high[free])
+        origin = np.float32(center + rng.normal(size=(count, 3)) * rng.choice([1.0, 1e3]))
+        rays = rays_of(origin, corner - origin)
+        stored = [[np.nextafter(low, np.float32(-np.inf)), np.nextafter(high, np.float32(np.inf))]]
+        found = masks(device, stored, rays)
+        truth = [exactly_meets_box(low, high, o, d) for o, d in zip(origin, rays["direction"][:, :3], strict=True)]
+        checked += sum(truth)
+        wrong += int(np.count_nonzero(np.array(truth) & (found == 0)))
+    assert wrong == 0 and checked > 5_000
+
+
+def test_a_flat_quad_is_hit_through_its_flat_boxes(device: object) -> None:
+    """Boxes without thickness, in all three orientations, from rays that are aimed and axis-parallel ones."""
+    rng = np.random.default_rng(6)
+    for axis in range(3):
+        steps = np.linspace(-1, 1, 9)
+        grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
+        points = np.insert(grid, axis, 0.25, axis=1)
+        cell = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
+        faces = np.concatenate([np.stack([cell, cell + 9, cell + 1], 1), np.stack([cell + 9, cell + 10, cell + 1], 1)])
+        target = np.insert(rng.uniform(-1, 1, (20_000, 2)), axis, 0.25, axis=1).astype(np.float32)
+        origin = np.float32(target + rng.normal(size=target.shape) * 2)
+        straight = target.copy()
+        straight[:, axis] = 2.0
+        down = np.zeros(3)
+        down[axis] = -1.0
+        for rays in (rays_of(origin, target.astype(np.float64) - origin), rays_of(straight, down)):
+            inside = np.abs(np.delete(target, axis, axis=1)).max(axis=1) < 0.999
+            hits, _ = tracer(device, mesh(points, faces)).trace(rays)
+            assert (hits["prim"][inside] != NONE).all()
+
+
+def test_rays_that_are_no_rays_miss(device: object) -> None:
+    """NaN, infinity, no direction, an empty interval: a miss with the ray's own t_max."""
+    fine = ([0.1, 0.2, -3.0], [0.0, 0.0, 1.0], 1e30)
+    broken = []
+    for bad in (np.nan, np.inf, -np.inf):
+        for component in range(3):
+            broken.append(([*fine[0][:component], bad, *fine[0][component + 1 :]], fine[1], fine[2]))
+            broken.append((fine[0], [*fine[1][:component], bad, *fine[1][component + 1 :]], fine[2]))
+        broken.append((fine[0], fine[1], bad))
+    broken += [(fine[0], [0, 0, 0], 1e30), (fine[0], [0, 0, -0.0], 1e30), (fine[0], fine[1], -1.0)]
+    origins, directions, ends = (np.array(column, np.float64) for column in zip(fine, *broken, strict=True))
+    geometry = soup(np.array([[[-9, -9, 0], [9, -9, 0], [0, 9, 0]]]))
+    for tree in (True, False):
+        hits, met = tracer(device, geometry, tree).trace(rays_of(origins, directions, ends))
+        assert hits["prim"][0] == 0 and met[0]
+        assert (hits["prim"][1:] == NONE).all() and not met[1:].any()
+
+
+def test_primitives_at_all_scales_at_once_are_all_found(device: object) -> None:
+    """Triangles at 2^i, i = -30..40, each met by a ray of its own: sizes that differ by 2^70 in one scene."""
+    places = 2.0 ** np.arange(-30, 41)
+    shape = np.array([[1.0, -0.2, -0.2], [1.0, 0.3, -0.1], [1.0, 0.0, 0.4]])
+    corners = places[:, None, None] * shape
+    geometry = soup(corners)
+    for tree in (True, False):
+        origins = corners.mean(axis=1) - places[:, None] * [0.25, 0, 0]
+        hits, _ = tracer(device, geometry, tree).trace(rays_of(origins, [[1, 0, 0]], places))
+        assert (hits["prim"] == np.arange(len(places))).all()

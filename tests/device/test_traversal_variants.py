@@ -1,0 +1,164 @@
+"""One answer: with a tree, by brute force, closest or any hit, in whatever order things are visited."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracles_geometry import (
+    FAR,
+    Mesh,
+    blocks_in_order,
+    closest_triangle,
+    mesh,
+    plane_record,
+    rays_of,
+    shape_record,
+    simple_tree,
+    soup,
+    sphere_record,
+    tracer,
+)
+
+from raytide.kernels import NONE, RECORDS
+
+
+def crowd(triangles: int, seed: int = 1) -> Mesh:
+    """Random triangles and shapes of all kinds, some thin, some far larger than others."""
+    rng = np.random.default_rng(seed)
+    corners = rng.normal(size=(triangles, 1, 3)) * 2 + rng.normal(size=(triangles, 3, 3)) * rng.choice([0.05, 0.3, 2.0])
+    shapes = [plane_record((0, -4, 0), (0.1, 1, 0.2)), plane_record((0, 0, -7), (0, 0, 1))]
+    shapes += [sphere_record(rng.normal(size=3) * 3, 0.1 + 0.2 * i) for i in range(5)]
+    shapes += [
+        shape_record("box", rng.normal(size=3) * 3, np.linalg.qr(rng.normal(size=(3, 3)))[0] * (0.2, 0.5, 0.9))
+        for _ in range(4)
+    ]
+    for kind in ("rectangle", "disk"):
+        for _ in range(4):
+            frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            shapes.append(shape_record(kind, rng.normal(size=3) * 3, frame * np.array([[0.7], [0.4], [1.0]])))
+    return soup(corners, shapes=np.concatenate(shapes), planes=2)
+
+
+def scattered(count: int, seed: int = 2) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rays_of(
+        rng.normal(size=(count, 3)) * 4, rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-6, 6, (count, 1))
+    )
+
+
+@pytest.mark.parametrize("triangles", [1, 2, 3, 400])
+def test_brute_force_and_tree_agree_bit_for_bit(device: object, triangles: int) -> None:
+    geometry = crowd(triangles)
+    rays = scattered(100_000)
+    by_tree, met_by_tree = tracer(device, geometry).trace(rays)
+    by_force, met_by_force = tracer(device, geometry, False).trace(rays)
+    assert by_tree.tobytes() == by_force.tobytes()
+    assert (met_by_tree == (by_tree["prim"] != NONE)).all() and (met_by_force == met_by_tree).all()
+    assert len(np.unique(by_tree["prim"])) > min(triangles, 100) + 15
+
+
+def test_any_hit_within_an_interval_exists_exactly_where_the_closest_does(device: object) -> None:
+    geometry = crowd(200)
+    rays = scattered(50_000)
+    free, _ = tracer(device, geometry).trace(rays)
+    found = free["prim"] != NONE
+    for factor, expected in ((1.0, found), (1 - 2.0**-22, np.zeros_like(found))):
+        cut = rays.copy()
+        cut["direction"][:, 3] = np.where(found, free["t"] * np.float32(factor), FAR)
+        hits, met = tracer(device, geometry).trace(cut[found])
+        assert (met == (hits["prim"] != NONE)).all()
+        assert (met == expected[found]).all()
+
+
+def test_the_closest_triangle_is_that_of_float64(device: object) -> None:
+    rng = np.random.default_rng(9)
+    geometry = soup(rng.normal(size=(60, 1, 3)) * 3 + rng.normal(size=(60, 3, 3)) * 2)
+    rays = scattered(20_000)
+    t, index = closest_triangle(geometry.corners, rays["origin"][:, :3], rays["direction"][:, :3])
+    hits, _ = tracer(device, geometry).trace(rays)
+    same = hits["prim"] == np.where(index < 0, NONE, index)
+    assert np.count_nonzero(~same) <= 2  # rays within rounding of an edge
+    met = same & (index >= 0)
+    assert met.sum() > 10_000
+    assert np.median(np.abs(hits["t"][met] / t[met] - 1)) < 1e-7
+
+
+@pytest.mark.parametrize("tree", [True, False])
+def test_ties_go_to_the_lowest_id(device: object, tree: bool) -> None:
+    """40 copies of 3 triangles, shuffled over leaves; then coincident planes, disks and rectangles."""
+    rng = np.random.default_rng(12)
+    base = rng.normal(size=(3, 3, 3)) * 2
+    geometry = soup(np.concatenate([base] * 40))
+    rays = rays_of(rng.normal(size=(30_000, 3)) * 3, rng.normal(size=(30_000, 3)))
+    hits, _ = tracer(device, geometry, tree).trace(rays)
+    assert (hits["prim"][hits["prim"] != NONE] < 3).all()
+    assert len(np.unique(hits["prim"])) == 4
+    planes = np.concatenate([plane_record((0, 1, 0), (0, 1, 0)), plane_record((5, 1, 2), (0, 1, 0))])
+    flats = np.concatenate([shape_record(k, (0, 0, 0), np.diag([2.0, 2, 1])) for k in ("disk", "rectangle", "disk")])
+    crowded = mesh(np.zeros((0, 3)), np.zeros((0, 3), int), np.concatenate([planes, flats]), 2)
+    hits, _ = tracer(device, crowded, tree).trace(rays)
+    assert set(np.unique(hits["prim"])) == {0, 2, 3, NONE}  # 3 only in the corners that the disk leaves
+
+
+def test_the_order_of_leaves_changes_nothing(device: object) -> None:
+    """The same triangles in trees of different leaf sizes, and in blocks that are shuffled."""
+    geometry = crowd(300, seed=5)
+    rays = scattered(50_000)
+    hits = [tracer(device, geometry, simple_tree(geometry, leaf)).trace(rays)[0].tobytes() for leaf in (1, 3, 8)]
+    assert len(set(hits)) == 1
+    shuffled = tracer(device, geometry, False)
+    blocks = blocks_in_order(geometry)[::-1].copy()
+    shuffled.arguments[1] = device.upload(blocks)  # type: ignore[attr-defined]
+    assert shuffled.trace(rays)[0].tobytes() == hits[0]
+
+
+def test_a_ray_never_meets_the_flat_primitive_that_it_left(device: object) -> None:
+    rng = np.random.default_rng(14)
+    frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    flats = [plane_record((1, 2, 3), frame[2])] + [shape_record(k, (1, 2, 3), frame) for k in ("disk", "rectangle")]
+    corners = np.array([1, 2, 3]) + np.array([[-1, -1], [1, -1], [0, 1]]) @ frame[:2]
+    geometry = soup(corners[None], shapes=np.concatenate(flats), planes=1)
+    points = np.array([1, 2, 3]) + rng.uniform(-0.4, 0.4, (20_000, 2)) @ frame[:2]
+    for tree in (True, False):
+        for prim in range(4):
+            only = np.zeros(4, bool)
+            only[prim] = True
+            rays = rays_of(points - 1e-7 * frame[2], frame[2] + rng.normal(size=points.shape) * 0.1, left=prim)
+            hits, _ = tracer(device, geometry, tree).trace(rays)
+            assert (hits["prim"] != prim).all() and (hits["prim"] != NONE).any()
+
+
+@pytest.mark.parametrize("tree", [True, False])
+def test_nothing_to_hit_and_planes_alone(device: object, tree: bool) -> None:
+    nothing = mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    hits, met = tracer(device, nothing, tree).trace(scattered(100))
+    assert (hits["prim"] == NONE).all() and not met.any()
+    assert (hits["t"] == scattered(100)["direction"][:, 3]).all()
+    only_plane = mesh(np.zeros((0, 3)), np.zeros((0, 3), int), plane_record((0, -1, 0), (0, 1, 0)), 1)
+    hits, met = tracer(device, only_plane, tree).trace(rays_of([[0, 0, 0]] * 2, [[0, -1, 0], [0, 1, 0]]))
+    assert hits["prim"].tolist() == [0, NONE] and met.tolist() == [True, False]
+    assert hits["t"][0] == 1
+
+
+def test_surfaces_interpolate_vertices_and_normals(device: object) -> None:
+    """Barycentric weights give the point; the owner is the triangle's; a zero normal means the flat one."""
+    rng = np.random.default_rng(15)
+    geometry = soup(rng.normal(size=(50, 3, 3)) * 2)
+    rays = scattered(5_000)
+    traced = tracer(device, geometry)
+    hits, _ = traced.trace(rays)
+    met = hits["prim"] != NONE
+    rays, hits = rays[met], hits[met]
+    surface = traced.surfaces(rays, hits, -rays["direction"][:, :3])
+    corner = geometry.corners[hits["prim"]].astype(np.float64)
+    weights = np.stack([1 - hits["u"] - hits["v"], hits["u"], hits["v"]], 1).astype(np.float64)
+    assert np.abs(surface["p"] - (weights[:, :, None] * corner).sum(1)).max() < 4e-6
+    along_ray = rays["origin"][:, :3] + rays["direction"][:, :3].astype(np.float64) * hits["t"][:, None]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    height = ((surface["p"] - corner[:, 0]) * normal).sum(1)
+    assert (np.abs(height) <= surface["error"]).all()
+    assert np.median(np.linalg.norm(along_ray - surface["p"], axis=1)) < 1e-6
+    assert np.abs(surface["ng"] - normal).max() < 1e-6 and (surface["object"] == 7).all()
+    assert np.array_equal(surface["ng"], surface["n"])
+    assert RECORDS["Hit"].size == 16

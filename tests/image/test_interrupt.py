@@ -1,0 +1,55 @@
+"""Ctrl-C and SIGTERM on a real render: the wave is finished, the picture saved, the exit code tells."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from raytide.image import read_exr
+
+ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+
+
+def start_render(folder: Path) -> subprocess.Popen[str]:
+    """A render that would take hours, with its first pass behind it."""
+    command = [sys.executable, "-P", "-m", "raytide", "render", str(ROOT / "scenes/cornell/cornell.toml")]
+    command += ["--size", "64x64", "--spp", "16000000", "-o", "a.exr", "--log-json"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "host"), "XDG_CONFIG_HOME": str(folder)}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen(command, cwd=folder, env=environment, text=True, **pipes)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_saves_a_partial_picture(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    child = start_render(tmp_path)
+    assert child.stderr is not None
+    try:
+        seen = child.stderr.readline()  # the first line of progress comes after 10 s, kernels built by then
+        assert '"progress"' in seen
+        begun = time.monotonic()
+        child.send_signal(number)
+        out, err = child.communicate(timeout=60)
+    finally:
+        child.kill()
+    assert child.returncode == code, err
+    assert time.monotonic() - begun < 30
+    assert out == "a.exr\n"
+    assert "Traceback" not in err
+    image = read_exr(tmp_path / "a.exr")
+    assert image is not None
+
+
+def test_signal_during_start_writes_nothing(tmp_path: Path) -> None:
+    child = start_render(tmp_path)
+    time.sleep(0.6)  # somewhere between imports and the first wave
+    child.send_signal(signal.SIGINT)
+    out, err = child.communicate(timeout=60)
+    assert child.returncode in (130, -signal.SIGINT), err
+    assert (out == "a.exr\n") == (tmp_path / "a.exr").exists()
