@@ -47,12 +47,14 @@ def smith_g1(z: np.ndarray, alpha: float) -> np.ndarray:
 
 
 def conductor_reflectance(cosine: np.ndarray, eta: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Unpolarised reflectance by complex amplitudes."""
-    index = np.asarray(eta, complex) + 1j * np.asarray(k)
-    inside = np.sqrt(index**2 - (1 - np.asarray(cosine, float) ** 2))
-    rs = (cosine - inside) / (cosine + inside)
-    rp = (index**2 * cosine - inside) / (index**2 * cosine + inside)
-    return (np.abs(rs) ** 2 + np.abs(rp) ** 2) / 2
+    """Unpolarised reflectance by complex amplitudes, long double; NaN where an amplitude is 0/0."""
+    cosine = np.asarray(cosine, np.longdouble)
+    index = np.asarray(eta, np.clongdouble) + 1j * np.asarray(k, np.longdouble)
+    inside = np.sqrt(index**2 - 1 + cosine**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rs = (cosine - inside) / (cosine + inside)
+        rp = (index**2 * cosine - inside) / (index**2 * cosine + inside)
+    return ((np.abs(rs) ** 2 + np.abs(rp) ** 2) / 2).astype(float)
 
 
 def dielectric_reflectance(cosine: np.ndarray, n1: np.ndarray, n2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -67,7 +69,7 @@ def dielectric_reflectance(cosine: np.ndarray, n1: np.ndarray, n2: np.ndarray) -
 
 def directional_albedo(alpha: float, theta_degrees: float, fresnel: Callable[[np.ndarray], np.ndarray]) -> float:
     """Share of light that a GGX surface reflects (separable Smith), by quadrature over visible facets."""
-    rows, columns = 600, 1200
+    rows, columns = 400, 800
     s, phi = np.meshgrid((np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns)
     # With 1 - (1 - s)^2 = tan^2 / (tan^2 + alpha^2), D cos h of a cell is 2 (1 - s) / cells.
     tangent = alpha * np.sqrt(1 - (1 - s) ** 2) / (1 - s)

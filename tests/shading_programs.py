@@ -152,6 +152,11 @@ def program(device: Any, name: str, extra: str, features: Features) -> Any:
     return _built[key]
 
 
+def numbers(seed: int, count: int) -> np.ndarray:
+    """What a sampler gives: independent multiples of 2^-24 below 1, (count, 4) float32."""
+    return np.random.default_rng(seed).integers(0, 2**24, (count, 4)).astype(np.float32) * np.float32(2.0**-24)
+
+
 def rows4(array: np.ndarray, count: int) -> np.ndarray:
     """(..., k <= 4) or (...,) numbers as (count, 4) float32, missing columns zero, one row repeated."""
     array = np.asarray(array)

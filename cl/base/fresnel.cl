@@ -10,7 +10,8 @@ static float conductor_reflectance(const float cosine, const float eta, const fl
 {
     const float c2 = cosine * cosine;
     const float s2 = (1.0f - cosine) * (1.0f + cosine);
-    const float t = (eta - 1.0f) * (eta + 1.0f) + (cosine - k) * (cosine + k);  // eta^2 - k^2 - s2
+    // t = eta^2 - k^2 - s2, paired so that what cancels is exact at normal incidence, and at grazing for eta near 1
+    const float t = cosine > 0.7f ? (eta - k) * (eta + k) - s2 : (eta - 1.0f) * (eta + 1.0f) + (cosine - k) * (cosine + k);
     const float p = 2.0f * eta * k;
     const float root = sqrt_of(t * t + p * p);
     // root = a^2 + b^2 and t = a^2 - b^2: the larger by sum, the smaller from a b = eta k

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from oracles_shading import (
@@ -14,7 +16,7 @@ from oracles_shading import (
     hemisphere,
     smith_g1,
 )
-from shading_programs import Materials, Model, math_probe
+from shading_programs import Materials, Model, math_probe, numbers
 
 ALPHAS = (0.001, 0.01, 0.1, 0.5, 1.0)
 ANGLES = (0, 30, 60, 75, 85, 89)
@@ -29,10 +31,6 @@ def opaque_models() -> list[Model]:
         out.append(Model.of("glossy", reflectance=0.7, specular_color=(0.04, 0.5, 1), specular=0.4, roughness=alpha))
         out.append(Model.of("glossy", reflectance=1, specular_color=1, specular=1, roughness=alpha))
     return out
-
-
-def numbers(seed: int, count: int) -> np.ndarray:
-    return np.random.default_rng(seed).integers(0, 2**24, (count, 4)).astype(np.float32) * np.float32(2.0**-24)
 
 
 @pytest.mark.parametrize("alpha", [1e-4, 1e-3, 0.01, 0.1, 1.0])
@@ -85,6 +83,12 @@ def test_density_of_visible_facets_integrates_to_one(device, alpha):  # M3
         assert abs((density * visibility * np.maximum(h @ wo, 0) * measure).sum() - 1) <= 1e-4, z
 
 
+@cache
+def furnace_albedo(alpha: float, angle: float) -> float:
+    """What a reflector of 1 returns."""
+    return directional_albedo(alpha, angle, np.ones_like)
+
+
 @pytest.mark.parametrize("alpha", ALPHAS)
 def test_white_furnace_keeps_energy(device, alpha):  # M4
     """A reflector of 1 returns what separable masking leaves, never more: sampled, and by quadrature of the kernel."""
@@ -92,7 +96,7 @@ def test_white_furnace_keeps_energy(device, alpha):  # M4
     model = Model.of("rough_conductor", **PERFECT, roughness=alpha)
     for angle in ANGLES:
         wo = direction(angle)
-        expected = directional_albedo(alpha, angle, np.ones_like)
+        expected = furnace_albedo(alpha, angle)
         wi, weight, pdf, _ = materials.sample(model, wo, numbers(angle, count))
         sampled = weight[:, 0].astype(float)
         error = sampled.std() / np.sqrt(count)
@@ -116,7 +120,7 @@ def test_glossy_albedo_is_the_mix_of_its_parts(device):
     """specular * GGX albedo under Schlick + (1 - specular) * reflectance, by independent quadrature."""
     materials = Materials(device)
     model = Model.of("glossy", reflectance=0.6, specular_color=0.25, specular=0.3, roughness=0.3)
-    for angle in ANGLES[:5]:
+    for angle in (0, 60, 85):
         lobe = directional_albedo(0.3, angle, lambda c: 0.25 + 0.75 * (1 - c) ** 5)
         _, weight, _, _ = materials.sample(model, direction(angle), numbers(angle, 2**18))
         error = weight[:, 0].std(dtype=float) / 2**9
@@ -127,10 +131,12 @@ def test_metal_albedo_is_fresnel_weighted(device):
     eta, k = np.array((0.2, 0.9, 1.1)), np.array((3.9, 2.4, 2.2))
     materials = Materials(device)
     model = Model.of("rough_conductor", eta=eta, k=k, roughness=0.25)
-    for angle in ANGLES[:5]:
+    cosines = np.linspace(0, 1, 4001)
+    tables = [conductor_reflectance(cosines, eta[c], k[c]) for c in range(3)]
+    for angle in (0, 60, 85):
         _, weight, _, _ = materials.sample(model, direction(angle), numbers(angle, 2**18))
         for c in range(3):
-            expected = directional_albedo(0.25, angle, lambda x, c=c: conductor_reflectance(x, eta[c], k[c]))
+            expected = directional_albedo(0.25, angle, lambda x, c=c: np.interp(x, cosines, tables[c]))
             error = weight[:, c].std(dtype=float) / 2**9
             assert abs(weight[:, c].mean(dtype=float) - expected) < 5 * error + 1e-4, (angle, c)
 

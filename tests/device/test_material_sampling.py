@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from oracles_shading import ULP, Z_ONE_IN_A_MILLION, DirectionGrid, LobeGrid, chi_square_z, direction
-from shading_programs import Materials, Model
+from shading_programs import Materials, Model, numbers
 
 SAMPLES = 2**20
 FINENESS = {0: 8, 30: 8, 60: 8, 80: 12, 89: 16}  # quadrature points a cell and axis, by angle to the normal
@@ -19,11 +19,6 @@ def gloss(alpha: float, specular: float = 0.5) -> Model:
     return Model.of(
         "glossy", reflectance=(0.2, 0.5, 0.7), specular_color=(0.9, 0.6, 0.3), specular=specular, roughness=alpha
     )
-
-
-def numbers(seed: int, count: int) -> np.ndarray:
-    """What a sampler gives: multiples of 2^-24 below 1, (count, 4)."""
-    return np.random.default_rng(seed).integers(0, 2**24, (count, 4)).astype(np.float32) * np.float32(2.0**-24)
 
 
 CASES = (

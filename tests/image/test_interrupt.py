@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM on a real render: the wave is finished, the picture saved, the exit code tells."""
+"""Ctrl-C on a real render: the wave is finished, the picture saved, the exit code tells."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from raytide.image import read_exr
@@ -26,24 +27,25 @@ def start_render(folder: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(command, cwd=folder, env=environment, text=True, **pipes)
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_saves_a_partial_picture(tmp_path: Path, number: signal.Signals, code: int) -> None:
+def test_ctrl_c_saves_a_partial_picture(tmp_path: Path) -> None:
     child = start_render(tmp_path)
     assert child.stderr is not None
     try:
         seen = child.stderr.readline()  # the first line of progress comes after 10 s, kernels built by then
         assert '"progress"' in seen
         begun = time.monotonic()
-        child.send_signal(number)
+        child.send_signal(signal.SIGINT)
         out, err = child.communicate(timeout=60)
     finally:
         child.kill()
-    assert child.returncode == code, err
+    assert child.returncode == 130, err
     assert time.monotonic() - begun < 30
     assert out == "a.exr\n"
     assert "Traceback" not in err
-    image = read_exr(tmp_path / "a.exr")
-    assert image is not None
+    beauty = read_exr(tmp_path / "a.exr").layers["beauty"]
+    assert beauty.shape[:2] == (64, 64)
+    assert np.isfinite(beauty).all()
+    assert beauty[..., :3].max() > 0
 
 
 def test_signal_during_start_writes_nothing(tmp_path: Path) -> None:

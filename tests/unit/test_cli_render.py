@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
@@ -57,11 +58,13 @@ class FakeRenderer:
 
     pause_s = 0.0
     excluded = 0
+    warned = False
     error: Exception | None = None
     opened: list[FakeRenderer] = []
 
     def __init__(self, scene: Any, device: Any, **options: Any) -> None:
         self.scene, self.device, self.options = scene, device, options
+        self.flat = SimpleNamespace(warnings=["objects.ball: a warning of the scene"] if self.warned else [])
         self.stopped = threading.Event()
         self.film = FakeFilm(0)
         self.closed = False
@@ -105,7 +108,7 @@ def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
     (tmp_path / "scene.toml").write_text(SCENE)
     monkeypatch.setattr(command, "open_renderer", open_fake)
-    for name in ("pause_s", "excluded", "error"):
+    for name in ("pause_s", "excluded", "warned", "error"):
         monkeypatch.setattr(FakeRenderer, name, getattr(FakeRenderer, name))
     monkeypatch.setattr(FakeRenderer, "opened", [])
     return FakeRenderer
@@ -232,6 +235,19 @@ def test_log_json_holds_for_failures_too(
     assert "--spp" in row["text"]
 
 
+@pytest.mark.parametrize(("words", "shown"), [([], True), (["--quiet"], False)])
+def test_warnings_of_the_scene_are_shown(
+    fake: type[FakeRenderer],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    shown: bool,
+) -> None:
+    monkeypatch.setattr(fake, "warned", True)
+    assert main(["render", "scene.toml", "-o", "a.exr", *words]) == 0
+    assert ("raytide: warning: objects.ball: a warning of the scene" in capsys.readouterr().err) == shown
+
+
 def test_progress_without_a_terminal_is_a_line_every_ten_seconds(
     fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -294,6 +310,25 @@ def test_first_signal_finishes_the_wave_and_saves(tmp_path: Path, number: signal
     assert 1 <= spp < 1000
     assert "Traceback" not in err
     assert "partial" in err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX terminals")
+def test_terminal_gets_a_bar_with_samples_rate_and_time_left(tmp_path: Path) -> None:
+    import pty
+
+    (tmp_path / "scene.toml").write_text(SCENE)
+    code = CHILD.format(paths=[str(HOST), str(Path(__file__).parent)], pause=0.3, opener="open_fake")
+    outside, inside = pty.openpty()
+    environment = os.environ | {"TERM": "xterm", "COLUMNS": "100", "XDG_CONFIG_HOME": str(tmp_path)}
+    command = [sys.executable, "-c", code.replace("1000", "4")]
+    ran = subprocess.run(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=inside, text=True)
+    os.close(inside)
+    shown = os.read(outside, 1 << 16).decode()
+    os.close(outside)
+    assert ran.returncode == 0
+    assert ran.stdout == "a.exr\n"
+    for words in ("building kernels", "2/4 spp", "1.5 Mrays/s", "ETA 0:01", "20x10, 4 spp in"):
+        assert words in shown
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")

@@ -41,7 +41,7 @@ def code_of(path: Path) -> str:
         return re.sub(r"[^\n]", " ", found.group())
 
     text = re.sub(r"/\*.*?\*/|//[^\n]*", blank, text, flags=re.DOTALL)
-    return re.sub(r"__attribute__\s*\(\((?:[^()]|\([^()]*\))*\)\)|\bVEC_LEN_HINT\b", blank, text)
+    return re.sub(r"__attribute__\s*\(\((?:[^()]|\([^()]*\))*\)\)|\b(?:VEC_LEN_HINT|ALWAYS_INLINE)\b", blank, text)
 
 
 def functions_of(code: str) -> Iterator[tuple[str, str, int]]:

@@ -155,7 +155,9 @@ def test_every_shorter_file_is_refused_or_smaller_and_never_crashes(name: str, t
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(sorted(CUBES)), st.data())
-def test_damaged_files_are_refused_in_words_or_give_sound_meshes(tmp_path: Path, name: str, data: st.DataObject) -> None:
+def test_damaged_files_are_refused_in_words_or_give_sound_meshes(
+    tmp_path: Path, name: str, data: st.DataObject
+) -> None:
     original = CUBES[name]
     damaged = bytearray(original)
     for _ in range(data.draw(st.integers(1, 4))):
@@ -212,7 +214,8 @@ def test_obj_corners_with_different_normals_become_different_vertices(tmp_path: 
 def test_polygons_become_fans_of_their_area(corners: int, tmp_path: Path) -> None:
     angle = 2 * np.pi * np.arange(corners) / corners
     rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
-    head = f"ply\nformat ascii 1.0\nelement vertex {corners + 1}\nproperty double x\nproperty double y\nproperty double z\n"
+    scalars = "".join(f"property double {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex {corners + 1}\n{scalars}"
     head += "element face 2\nproperty list uchar int vertex_index\nend_header\n"
     rows = [" ".join(map(repr, map(float, row))) for row in [*rim, (0, 0, 1)]]
     rows += [f"{corners} " + " ".join(map(str, range(corners))), f"3 0 1 {corners}"]
@@ -244,7 +247,10 @@ def test_gltf_strips_and_fans_face_one_way(mode: int, indices: list[int], count:
     data = points + np.array(indices, "<u4").tobytes()
     tables = gltf_tables("<u4")
     tables["buffers"] = [{"byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()}]
-    tables["bufferViews"] = [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 4 * len(indices)}]
+    tables["bufferViews"] = [
+        {"buffer": 0, "byteLength": 48},
+        {"buffer": 0, "byteOffset": 48, "byteLength": 4 * len(indices)},
+    ]
     tables["accessors"][0]["count"] = 4
     tables["accessors"][1]["count"] = len(indices)
     tables["meshes"][0]["primitives"][0]["mode"] = mode

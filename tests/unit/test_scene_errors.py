@@ -42,7 +42,12 @@ def written(folder: Path, text: str, name: str = "scene.toml") -> Path:
 
 
 CASES = {
-    "unknown key": ("reflectance = 0.5", "reflectence = 0.5", "materials.white.reflectence", "did you mean 'reflectance'"),
+    "unknown key": (
+        "reflectance = 0.5",
+        "reflectence = 0.5",
+        "materials.white.reflectence",
+        "did you mean 'reflectance'",
+    ),
     "unknown table": ("[objects.ball]", "[object.ball]", "object", "did you mean 'objects'"),
     "wrong type": ("reflectance = 0.5", 'reflectance = "half"', "materials.white.reflectance", "from 0 to 1"),
     "bool is no number": ("reflectance = 0.5", "reflectance = true", "materials.white.reflectance", "came true"),
@@ -51,7 +56,12 @@ CASES = {
     "1e999": ("radiance = 10", "radiance = 1e999", "materials.lamp.radiance", "came Infinity"),
     "nan inside a list": ("origin = [0, 1, 4]", "origin = [0, nan, 4]", "camera.origin", "NaN"),
     "beyond float32": ("radiance = 10", "radiance = 1e19", "materials.lamp.radiance", "1.8e+18"),
-    "reflectance above 1": ("reflectance = 0.5", "reflectance = [0.5, 1.1, 0]", "materials.white.reflectance", "0 to 1"),
+    "reflectance above 1": (
+        "reflectance = 0.5",
+        "reflectance = [0.5, 1.1, 0]",
+        "materials.white.reflectance",
+        "0 to 1",
+    ),
     "negative radiance": ("radiance = 10", "radiance = -1", "materials.lamp.radiance", "at least 0"),
     "unknown material type": ('"diffuse"', '"difuse"', "materials.white.type", "did you mean 'diffuse'"),
     "missing type": ('type = "diffuse"', "", "materials.white.type", "missing"),
@@ -62,10 +72,20 @@ CASES = {
         "materials.white.preset",
         "did you mean 'gold'",
     ),
-    "no metal": ('type = "diffuse"\nreflectance = 0.5', 'type = "rough_conductor"', "materials.white", "preset, or both"),
+    "no metal": (
+        'type = "diffuse"\nreflectance = 0.5',
+        'type = "rough_conductor"',
+        "materials.white",
+        "preset, or both",
+    ),
     "zero radius": ('type = "sphere"', 'type = "sphere"\nradius = 0', "objects.ball.radius", "at least 1e-18"),
     "negative radius": ('type = "sphere"', 'type = "sphere"\nradius = -2', "objects.ball.radius", "at least 1e-18"),
-    "radius that squares to zero": ('type = "sphere"', 'type = "sphere"\nradius = 1e-38', "objects.ball.radius", "1e-18"),
+    "radius that squares to zero": (
+        'type = "sphere"',
+        'type = "sphere"\nradius = 1e-38',
+        "objects.ball.radius",
+        "1e-18",
+    ),
     "unknown material": ('material = "white"', 'material = "whte"', "objects.ball.material", "did you mean 'white'"),
     "no material": ('material = "white"', "", "objects.ball.material", "missing"),
     "emitting plane": ('"sphere"\nmaterial = "white"', '"plane"\nmaterial = "lamp"', "objects.ball.material", "plane"),
@@ -78,10 +98,16 @@ CASES = {
     "newer format": ("format = 1", "format = 2", "format", "newer"),
     "format of no number": ("format = 1", 'format = "1"', "format", "format = 1"),
     "singular transform": (
-        'type = "sphere"', 'type = "sphere"\ntransform = [{scale = [1, 0, 1]}]', "objects.ball.transform", "singular"
+        'type = "sphere"',
+        'type = "sphere"\ntransform = [{scale = [1, 0, 1]}]',
+        "objects.ball.transform",
+        "singular",
     ),
     "nan in a transform": (
-        'type = "sphere"', 'type = "sphere"\ntransform = [{scale = nan}]', "objects.ball.transform[0].scale", "NaN"
+        'type = "sphere"',
+        'type = "sphere"\ntransform = [{scale = nan}]',
+        "objects.ball.transform[0].scale",
+        "NaN",
     ),
     "overflowing transform": (
         'type = "sphere"',
@@ -90,7 +116,10 @@ CASES = {
         "came a transform",
     ),
     "vanishing transform": (
-        'type = "sphere"', 'type = "sphere"\ntransform = [{scale = 1e-30}]', "objects.ball.transform", "shrinks"
+        'type = "sphere"',
+        'type = "sphere"\ntransform = [{scale = 1e-30}]',
+        "objects.ball.transform",
+        "shrinks",
     ),
     "two keys in a step": (
         'type = "sphere"',
@@ -99,10 +128,18 @@ CASES = {
         "exactly one",
     ),
     "egg of a sphere": (
-        'type = "sphere"', 'type = "sphere"\ntransform = [{scale = [1, 2, 1]}]', "objects.ball.transform", "sphere"
+        'type = "sphere"',
+        'type = "sphere"\ntransform = [{scale = [1, 2, 1]}]',
+        "objects.ball.transform",
+        "sphere",
     ),
     "flat box": ('type = "sphere"', 'type = "box"\nmin = [0, 0, 0]\nmax = [1, 0, 1]', "objects.ball", "min below max"),
-    "parallel edges": ('type = "sphere"', 'type = "rectangle"\nu = [2, 0, 0]\nv = [-1, 0, 0]', "objects.ball", "parallel"),
+    "parallel edges": (
+        'type = "sphere"',
+        'type = "rectangle"\nu = [2, 0, 0]\nv = [-1, 0, 0]',
+        "objects.ball",
+        "parallel",
+    ),
     "index out of range": (
         'type = "sphere"',
         "vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 3]]",
@@ -122,7 +159,10 @@ CASES = {
         "vertices[1]",
     ),
     "ragged vertices": (
-        'type = "sphere"', "vertices = [[0, 0, 0], [1, 0]]\nfaces = []", "objects.ball.vertices", "3 numbers in each row"
+        'type = "sphere"',
+        "vertices = [[0, 0, 0], [1, 0]]\nfaces = []",
+        "objects.ball.vertices",
+        "3 numbers in each row",
     ),
     "no geometry": ('type = "sphere"', 'type = "mesh"', "objects.ball", "no geometry"),
 }

@@ -228,7 +228,9 @@ def test_an_unknown_material_stops_flattening() -> None:
         scene.flatten()
 
 
-@pytest.mark.parametrize(("origin", "target", "up"), [((1, 2, 3), (4, -2, 0), (0, 1, 0)), ((0, 9, 0), (0, 0, 0), (0, 0, -3))])
+@pytest.mark.parametrize(
+    ("origin", "target", "up"), [((1, 2, 3), (4, -2, 0), (0, 1, 0)), ((0, 9, 0), (0, 0, 0), (0, 0, -3))]
+)
 def test_camera_frame_is_orthonormal_and_looks_at_the_target(origin, target, up) -> None:  # type: ignore[no-untyped-def]
     right, above, forward = rt.Camera(origin=origin, target=target, up=up).frame()
     view = np.subtract(target, origin)

@@ -100,7 +100,16 @@ def test_problems_of_file_and_overrides_come_together(path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("word", "value"),
-    [("4", 4), ("0.5", 0.5), ("true", True), ("path", "path"), ("'4'", "4"), ("[1, 2]", [1, 2]), ("", ""), ("a=b", "a=b")],
+    [
+        ("4", 4),
+        ("0.5", 0.5),
+        ("true", True),
+        ("path", "path"),
+        ("'4'", "4"),
+        ("[1, 2]", [1, 2]),
+        ("", ""),
+        ("a=b", "a=b"),
+    ],
 )
 def test_values_read_as_toml_and_bare_words_as_text(word: str, value: object) -> None:
     assert parse_override(f"a.b={word}").value == value

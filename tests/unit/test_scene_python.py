@@ -43,7 +43,9 @@ def test_saved_scene_comes_back_the_same(suffix: str, tmp_path: Path) -> None:
 finite = st.floats(-1e18, 1e18, allow_subnormal=False).map(lambda x: 0.0 if abs(x) < 1e-30 else x)
 points = st.tuples(finite, finite, finite)
 units = st.floats(0, 1)
-names = st.text(st.characters(codec="utf-8", categories=["L", "N", "P", "S"], include_characters=" ."), min_size=1, max_size=12)
+names = st.text(
+    st.characters(codec="utf-8", categories=["L", "N", "P", "S"], include_characters=" ."), min_size=1, max_size=12
+)
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -57,12 +59,16 @@ names = st.text(st.characters(codec="utf-8", categories=["L", "N", "P", "S"], in
     radiance=st.floats(0, 1e18),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_any_scene_survives_both_formats_bit_for_bit(tmp_path: Path, names, center, colour, radius, shift, degrees, radiance, seed) -> None:  # type: ignore[no-untyped-def]  # fmt: skip
+def test_any_scene_survives_both_formats_bit_for_bit(  # type: ignore[no-untyped-def]
+    tmp_path: Path, names, center, colour, radius, shift, degrees, radiance, seed
+) -> None:
     scene = rt.Scene(rt.Camera(origin=(0, 0, 1), target=(0, 0, 0)), rt.RenderSettings(seed=seed), folder=tmp_path)
     ball = rt.sphere(center, radius).rotate((1, 2, 3), degrees).translate(shift)
     scene.add(ball, rt.Diffuse(colour), name=names[0])
     assume(np.linalg.norm(np.cross(np.divide(center, 1e18), np.divide(shift, 1e18))) > 1e-6)
-    scene.add(rt.mesh(vertices=np.array([center, shift, (0, 0, 1)]), faces=[[0, 1, 2]]), rt.Emit(radiance), name=names[1])
+    scene.add(
+        rt.mesh(vertices=np.array([center, shift, (0, 0, 1)]), faces=[[0, 1, 2]]), rt.Emit(radiance), name=names[1]
+    )
     scene.add(rt.sky(colour), name=names[2])
     toml, json = (rt.load(scene.save(tmp_path / f"any{suffix}")) for suffix in (".toml", ".json"))
     assert toml == scene

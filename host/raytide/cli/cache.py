@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from cyclopts import App
+from typing import Annotated
+
+from cyclopts import App, Parameter
 
 app = App(name="cache", help="Show or clear the kernel cache.")
 
 
 @app.command
-def info(json: bool = False) -> int:
+def info(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
     """Show folder, sizes and damaged entries.
 
     Parameters

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated
 
-def devices(json: bool = False) -> int:
+from cyclopts import Parameter
+
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+def devices(*, json: Flag = False) -> int:
     """List the OpenCL devices, the default first, and drivers that give none.
 
     Parameters

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated
 
-def doctor(json: bool = False, enable_intel: bool = False) -> int:
+from cyclopts import Parameter
+
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+def doctor(*, json: Flag = False, enable_intel: Flag = False) -> int:
     """Check drivers, devices and caches, and tell what mends them.
 
     Parameters

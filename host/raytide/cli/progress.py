@@ -27,8 +27,8 @@ def progress_for(total_spp: int, *, quiet: bool, as_json: bool) -> Progress:
     if quiet:
         return Silent()
     if as_json:
-        return Lines(total_spp, json_line)
-    return Bar(total_spp) if sys.stderr.isatty() else Lines(total_spp, plain_line)
+        return JsonLines(total_spp)
+    return Bar(total_spp) if sys.stderr.isatty() else Lines(total_spp)
 
 
 class Silent:
@@ -48,43 +48,77 @@ class Silent:
 class Lines(Silent):
     """A line every 10 s."""
 
-    def __init__(self, total_spp: int, line: Any) -> None:
-        self.total, self.line = total_spp, line
+    def __init__(self, total_spp: int) -> None:
+        self.total = total_spp
         self.last = time.monotonic()
+
+    def line(self, stats: Mapping[str, Any]) -> str:
+        """The line of one pass."""
+        return plain_line(stats, self.total)
 
     def show(self, stats: Mapping[str, Any]) -> None:
         """A line, if the last one is old enough."""
         now = time.monotonic()
         if now - self.last >= EVERY_S:
             self.last = now
-            print(self.line(stats, self.total), file=sys.stderr, flush=True)
+            print(self.line(stats), file=sys.stderr, flush=True)
+
+
+class JsonLines(Lines):
+    """A JSON object every 10 s."""
+
+    def line(self, stats: Mapping[str, Any]) -> str:
+        """The object of one pass."""
+        return json_line(stats, self.total)
+
+    def say(self, text: str) -> None:
+        """The text as an object."""
+        print(json.dumps({"event": "log", "level": "warning", "text": text}), file=sys.stderr, flush=True)
 
 
 class Bar:
     """rich's bar with samples a pixel, ray rate and the time left."""
 
+    end: float | None  # when the last sample is expected, by time.monotonic
+
     def __init__(self, total_spp: int) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, ProgressColumn, Task, TextColumn
         from rich.progress import Progress as RichProgress
+        from rich.text import Text
 
-        columns = (BarColumn(), TextColumn("{task.fields[figures]}"), TextColumn("ETA"), TimeRemainingColumn())
+        class TimeLeft(ProgressColumn):
+            """Counts down between passes, which double in length."""
+
+            def render(column, task: Task) -> Text:
+                return Text(self.time_left())
+
+        columns = (BarColumn(), TextColumn("{task.fields[figures]}"), TimeLeft())
         self.progress = RichProgress(*columns, console=Console(stderr=True), transient=True)
-        self.total = total_spp
-        self.task = self.progress.add_task("", total=total_spp, figures="starting")
+        self.total, self.end = total_spp, None
+        self.task = self.progress.add_task("", total=total_spp, figures="building kernels")
         self.progress.start()
 
     def show(self, stats: Mapping[str, Any]) -> None:
         """Move the bar."""
+        left = seconds_left(stats, self.total)
+        self.end = None if left is None else time.monotonic() + left
         spp = stats.get("spp", 0)
         self.progress.update(self.task, completed=spp, figures=figures(stats, self.total))
+
+    def time_left(self) -> str:
+        """`ETA 1:05`, or nothing before the first pass."""
+        if self.end is None:
+            return ""
+        left = max(0, round(self.end - time.monotonic()))
+        return f"ETA {left // 60}:{left % 60:02}"
 
     def say(self, text: str) -> None:
         """A line above the bar."""
         self.progress.console.print(f"raytide: {text}", highlight=False, markup=False)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Take the bar away; a second call does nothing."""
         self.progress.stop()
 
 
@@ -112,6 +146,14 @@ def json_line(stats: Mapping[str, Any], total_spp: int) -> str:
     return json.dumps({"event": "progress", "left_s": seconds_left(stats, total_spp), **row})
 
 
+class StderrHandler(logging.Handler):
+    """Prints to the stderr of the moment, which a progress bar exchanges for one that prints above it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One line."""
+        print(self.format(record), file=sys.stderr, flush=True)
+
+
 class JsonFormatter(logging.Formatter):
     """One JSON object a record."""
 
@@ -134,7 +176,7 @@ class PlainFormatter(logging.Formatter):
 def set_up_logging(*, quiet: bool, verbose: bool, as_json: bool) -> logging.Logger:
     """Send the library's records to stderr: warnings, with -v everything, with --quiet errors only."""
     logger = logging.getLogger("raytide")
-    handler = logging.StreamHandler(sys.stderr)
+    handler = StderrHandler()
     handler.setFormatter(JsonFormatter() if as_json else PlainFormatter())
     logger.handlers[:] = [handler]
     logger.propagate = False

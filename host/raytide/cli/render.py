@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shlex
 import sys
 import time
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -126,13 +128,13 @@ def show_explanation(scene: Scene, settings: Settings, job: Job) -> None:
 
 def render_scene(job: Job, scene: Scene, settings: Settings, signals: StopOnSignal) -> int:
     """Render, save, report; the exit code. Raises RaytideError."""
-    with open_renderer(job, scene, settings) as renderer:
-        progress = progress_for(scene.render.spp, quiet=job.quiet, as_json=job.log_json)
+    progress = progress_for(scene.render.spp, quiet=job.quiet, as_json=job.log_json)
+    with closing(progress), open_renderer(job, scene, settings) as renderer:
         signals.attach(renderer.stop, progress.say)
-        try:
-            film = last_film(renderer, progress)
-        finally:
-            progress.close()
+        for warning in renderer.flat.warnings:
+            logging.getLogger("raytide.scene").warning(warning)
+        film = last_film(renderer, progress)
+        progress.close()
         if not has_picture(film):
             print("raytide: stopped before the first samples; nothing was written", file=sys.stderr)
             return signals.exit_code or 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -62,7 +63,7 @@ def packages_check() -> Check:
     detail = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
     if versions["pyopencl"] is None:
         return Check("packages", FAIL, "pyopencl is missing", "pip install 'pyopencl[pocl]'", dict(versions))
-    embedded = sys.platform.startswith("linux") and os.uname().machine == "x86_64"
+    embedded = sys.platform.startswith("linux") and platform.machine() == "x86_64"
     if embedded and versions["pocl-binary-distribution"] is None:
         return Check("packages", WARN, f"{detail}; the embedded device is missing",
                      "pip install pocl-binary-distribution", dict(versions))  # fmt: skip
@@ -102,8 +103,8 @@ def _icd_check(file: icd.IcdFile, platforms: list[dict[str, Any]], problem: str 
     fix = "pip install --force-reinstall pocl-binary-distribution" if file.bundled else remove
     if problem:
         return Check(name, FAIL, problem, remove)
-    reasons = [platform["problem"] for platform in platforms if platform["problem"]]
-    devices = [device["id"] for platform in platforms for device in platform["devices"]]
+    reasons = [one["problem"] for one in platforms if one["problem"]]
+    devices = [device["id"] for one in platforms for device in one["devices"]]
     if devices:
         return Check(name, OK, f"loads: {', '.join(devices)}", facts={"devices": devices})
     return Check(name, WARN, reasons[0] if reasons else "gives no platform", fix)
@@ -114,7 +115,7 @@ def device_checks() -> list[Check]:
     platforms, problem = examine.list_in_child(None)
     if problem:
         return [Check("devices", FAIL, f"listing them {problem}", "raytide doctor  # the .icd check above tells which")]
-    devices = [device for platform in platforms for device in platform["devices"]]
+    devices = [device for one in platforms for device in one["devices"]]
     if not devices:
         told = icd.pitfall()
         fix = told.rpartition("run: ")[2] if told else "pip install 'pyopencl[pocl]'"

@@ -9,7 +9,7 @@ import numpy as np
 
 from raytide.errors import SceneError
 from raytide.importers.limits import LARGEST, SMALLEST
-from raytide.importers.meshdata import MeshData, has_no_area, longest_edges
+from raytide.importers.meshdata import MeshData, longest_edges
 from raytide.scene.camera import Camera
 from raytide.scene.lights import Light
 from raytide.scene.materials import Material
@@ -132,19 +132,19 @@ def _placed_mesh(mesh: MeshData, matrix: np.ndarray, smooth: bool, name: str, wa
     """The mesh moved; triangles that leave float32's range on the way are dropped and told."""
     vertices = move_points(matrix, mesh.vertices)
     triangles = mesh.triangles
+    normals = None
+    if smooth:
+        own = mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
+        normals = move_normals(matrix, own)
     sound = (np.abs(vertices) <= LARGEST).all(axis=1)
     if not sound.all():
         kept = sound[triangles].all(axis=1)
         warnings.append(f"objects.{name}: dropped {np.count_nonzero(~kept)} triangles moved beyond {LARGEST:g}")
         triangles, vertices = triangles[kept], np.where(sound[:, None], vertices, 0.0)
-    lost = has_no_area(vertices, triangles) | (longest_edges(vertices, triangles) < SMALLEST)
+    lost = longest_edges(vertices, triangles) < SMALLEST  # an invertible map makes no new slivers
     if lost.any():
         warnings.append(f"objects.{name}: dropped {np.count_nonzero(lost)} triangles that its transform makes vanish")
         triangles = triangles[~lost]
-    normals = None
-    if smooth:
-        own = mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
-        normals = move_normals(matrix, own)
     if is_mirror(matrix):
         triangles = triangles[:, [0, 2, 1]]  # the front stays on the side of the moved normals
     return _Piece(vertices, triangles, normals)

@@ -77,7 +77,7 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
     scene = Scene(camera or stand_in, render, folder=folder, allow_outside=allow_outside)  # type: ignore[arg-type]
     for group, made in tables.items():
         getattr(scene, group).update(made)
-    for name, table in (raw["objects"].items() if isinstance(raw.get("objects"), dict) else ()):
+    for name, table in raw["objects"].items() if isinstance(raw.get("objects"), dict) else ():
         if name not in scene.objects and isinstance(table, dict) and isinstance(table.get("material", ""), str):
             scene.objects[name] = _stand_in(table)
     written = raw.get("materials", {})
@@ -87,7 +87,7 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
 
 def _stand_in(table: dict[str, Any]) -> Shape:
     """A sound shape with the names that a refused one gives, so that those are checked too."""
-    names = {name: value for name in ("material", "mesh") if isinstance(value := table.get(name), str)}
+    names: dict[str, Any] = {name: value for name in ("material", "mesh") if isinstance(value := table.get(name), str)}
     return Mesh(**names) if "mesh" in names else Box(**names)
 
 

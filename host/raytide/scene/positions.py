@@ -13,9 +13,7 @@ from raytide.scene.model import path_words
 DEEPEST = 100
 _SPACE = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'""")
-_STRING = re.compile(
-    r'"""(?:[^\\]|\\.)*?"""|' + r"'''.*?'''|" + r'"(?:[^"\\\n]|\\.)*"' + r"|'[^'\n]*'", re.DOTALL
-)
+_STRING = re.compile(r'"""(?:[^\\]|\\.)*?"""|' + r"'''.*?'''|" + r'"(?:[^"\\\n]|\\.)*"' + r"|'[^'\n]*'", re.DOTALL)
 _LAST = re.compile(r"""(?:\.?(?:[A-Za-z0-9_-]+|'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")|\[\d+\])$""")
 _ROW = re.compile(r"\[[^\[\]{}\"'#]*+\]")
 _NUMBERS = re.compile(r"(?:[^\[\]{}\"'#]|\[[^\[\]{}\"'#]*+\])++")

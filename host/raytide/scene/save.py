@@ -42,7 +42,9 @@ def save_scene(scene: Scene, path: Path) -> Path:
     except (OSError, ValueError) as error:
         came = f"a place that cannot be written ({getattr(error, 'strerror', None) or error})"
         raise SceneError([Problem("", came, "a writable folder", file=str(path))]) from None
-    outside = [name for name, table in tables.get("objects", {}).items() if str(table.get("mesh", "")).startswith("../")]
+    outside = [
+        name for name, table in tables.get("objects", {}).items() if str(table.get("mesh", "")).startswith("../")
+    ]
     if outside:
         import logging
 
