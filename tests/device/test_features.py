@@ -33,7 +33,8 @@ def test_all_none_and_each_switch_alone_build_without_a_warning(device: Device) 
         for wave in (*WAVES, AOV):
             source = assemble(wave.entry, features)
             sources.setdefault(source.sha256, (f"{wave.name}, {name}", source))
-    programs = device.build({label: replace(source, name=f"f{i}") for i, (label, source) in enumerate(sources.values())})
+    numbered = enumerate(sources.values())
+    programs = device.build({label: replace(source, name=f"f{i}") for i, (label, source) in numbered})
     logs = {label: program.log for label, program in programs.items() if "warning" in program.log.lower()}
     assert not logs
 

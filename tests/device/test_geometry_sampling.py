@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles_geometry import Tracer, mesh, shape_record, sphere_record, tracer
+
+from oracles_geometry import Tracer, mesh, rays_of, shape_record, sphere_record, tracer
 
 AXES = np.array([[0.6, 0.0, 0.0], [0.0, 0.3, 0.4], [0.0, -0.8, 0.6]])
 SHAPES = {
@@ -65,16 +66,10 @@ def test_the_mean_of_one_over_the_density_is_the_solid_angle(device: object, kin
         claimed = np.where(got["pdf"] > 0, 1 / np.maximum(got["pdf"], 1e-30), 0).astype(np.float64).mean()
         z, turn = 1 - 2 * stratified(1000, 44)[:, 0].astype(np.float64), 2 * np.pi * rng.random(1_000_000)
         ring = np.sqrt(1 - z * z)
-        _, met = shape.trace(rays_in(origin, np.stack([ring * np.cos(turn), ring * np.sin(turn), z], 1)))
+        _, met = shape.trace(rays_of(origin[None], np.stack([ring * np.cos(turn), ring * np.sin(turn), z], 1)))
         counted = 4 * np.pi * met.mean() * (2 if kind == "box" else 1)
         spread = 4 * np.pi * np.sqrt(met.mean() / len(met)) * 2
         assert abs(claimed - counted) < 5 * spread + 2e-3 * claimed
-
-
-def rays_in(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    from oracles_geometry import rays_of
-
-    return rays_of(origin[None], directions)
 
 
 @pytest.mark.parametrize("ratio", [0.9, 1e-1, 1e-3, 1e-5, 1e-8])

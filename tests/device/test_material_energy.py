@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+
 from oracles_shading import (
     ULP,
     LobeGrid,
     conductor_reflectance,
-    directional_albedo,
     direction,
+    directional_albedo,
     ggx_density,
     hemisphere,
     smith_g1,

@@ -1,9 +1,10 @@
-"""Directions are sampled with the density that is claimed, and weigh what the material says (chi-square, Wenzel)."""
+"""Directions are sampled with the density that is claimed, and weigh what the material says (chi-square)."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from oracles_shading import ULP, Z_ONE_IN_A_MILLION, DirectionGrid, LobeGrid, chi_square_z, direction
 from shading_programs import Materials, Model, numbers
 
@@ -59,8 +60,8 @@ def test_samples_follow_the_density_and_weigh_value_over_density(device, model, 
 
 
 def test_a_mirror_sends_light_to_one_direction(device):
-    wo = direction(50)
-    wi, weight, pdf, flags = Materials(device).sample(Model.of("mirror", reflectance=(0.2, 0.4, 0.6)), wo, numbers(1, 8))
+    wo, model = direction(50), Model.of("mirror", reflectance=(0.2, 0.4, 0.6))
+    wi, weight, pdf, flags = Materials(device).sample(model, wo, numbers(1, 8))
     assert np.array_equal(wi, np.tile(wo * np.float32([-1, -1, 1]), (8, 1)))
     assert np.allclose(weight, (0.2, 0.4, 0.6)) and (pdf == 1).all() and (flags == 1).all()
 

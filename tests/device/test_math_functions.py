@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from shading_programs import math_probe
 
 U_MAX = 1.0 - 2.0**-24

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
+
 from shading_programs import sample_sets
 
 PAIRS = ((0, 1), (2, 3))
@@ -41,8 +44,7 @@ def test_a_sequence_past_16_bits_is_still_a_net(device):  # Q9
 
 
 def test_powers_of_four_are_nets_in_all_four_dimensions(device):
-    splits = {m: [(a, b, c, m - a - b - c) for a in range(m + 1) for b in range(m + 1 - a) for c in range(m + 1 - a - b)]
-              for m in range(1, 5)}  # fmt: skip
+    splits = {m: [box for box in product(range(m + 1), repeat=4) if sum(box) == m] for m in range(1, 5)}
     for pixel in sample_sets(device, 99, range(4), range(256), 1):
         for m, boxes in splits.items():
             assert all(is_elementary(pixel[: 4**m], tuple(2 * k for k in box)) for box in boxes)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from oracles_geometry import exactly_meets_box, mesh, rays_of, simple_tree, soup, tracer
 
+from oracles_geometry import exactly_meets_box, mesh, rays_of, simple_tree, soup, tracer
 from raytide.kernels import NONE, RECORDS
 
 

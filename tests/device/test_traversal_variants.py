@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from oracles_geometry import (
     FAR,
     Mesh,
@@ -18,7 +19,6 @@ from oracles_geometry import (
     sphere_record,
     tracer,
 )
-
 from raytide.kernels import NONE, RECORDS
 
 

@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from oracles_geometry import FAR, Mesh, Tracer, mesh, rays_of, ring_sphere, simple_tree, tracer
 
+from oracles_geometry import FAR, Mesh, Tracer, mesh, rays_of, ring_sphere, simple_tree, tracer
 from raytide.kernels import NONE
 
 FAR_PLACE = (148376, 1234, -223423)  # triangles of the 200-ring sphere are 2 ulp wide there

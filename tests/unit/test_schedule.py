@@ -1,4 +1,4 @@
-"""Cutting samples into passes and chunks, sizing waves, picking lights, and the error estimate: laws without a device."""
+"""Passes and chunks, sizes of waves, picking lights, the error estimate: laws without a device."""
 
 from __future__ import annotations
 

@@ -89,7 +89,8 @@ def _shape(features: Features) -> str:
     cases = "\n".join(f"    case SHAPE_{k.upper()}: {k}_surface(s, o, d, t, out); break;" for k in present)
     out.append(
         "static void shape_surface(global const Shape *s, const float3 o, const float3 d, const float t,\n"
-        f"                          Surface *out)\n{{\n    switch (s->kind) {{\n{cases}\n    default: break;\n    }}\n}}"
+        "                          Surface *out)\n"
+        f"{{\n    switch (s->kind) {{\n{cases}\n    default: break;\n    }}\n}}"
     )
     out.append(
         "static float3 shape_sample(global const Shape *s, const float3 from, const float2 u, float3 *ng,\n"

@@ -35,7 +35,8 @@ def measure_coherence(renderer: Renderer) -> dict[str, dict[str, Any]]:
     finally:
         renderer.waves.observe = None
         renderer.restart()
-    return {label: {order: _figures(rows) for order, rows in orders.items()} for label, orders in observer.found.items()}
+    found = observer.found.items()
+    return {label: {order: _figures(rows) for order, rows in orders.items()} for label, orders in found}
 
 
 class _Observer:
@@ -46,7 +47,7 @@ class _Observer:
         source = assemble("probe/coherence.cl", renderer.features.with_counters())
         self.program: Program = self.device.build({source.name: source})[source.name]
         tree = renderer.tree
-        leaves = len(tree.blocks) + len(renderer.packed.geometry.shapes)
+        leaves = tree.block_count + len(renderer.packed.geometry.shapes)
         self.words = (len(tree.nodes) // 32 + 1, leaves // 32 + 1)
         self.workers = max(1, renderer.device.info.compute_units)
         self.bitmaps = self.device.empty(4 * self.workers * sum(self.words))
@@ -65,7 +66,7 @@ class _Observer:
         """(groups, 4) counts: node visits, leaf visits, different nodes, different leaves."""
         groups = len(slots) // GROUP  # a last, ragged group would be no group of 64
         run = min(SEGMENT_GROUPS, groups)
-        starts = np.unique(np.linspace(0, groups - run, SEGMENTS).astype(int)) if run else []
+        starts = np.unique(np.linspace(0, groups - run, SEGMENTS).astype(int)) if run else np.zeros(0, int)
         queue = self.device.upload(slots)
         results = self.device.empty(16 * SEGMENT_GROUPS)
         rows = [np.zeros((0, 4), np.uint32)]

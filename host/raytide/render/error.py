@@ -79,5 +79,5 @@ def smooth(image: np.ndarray) -> np.ndarray:
     freedom."""
     padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
     h, w = image.shape[:2]
-    total = sum(padded[y : y + h, x : x + w] for y in range(3) for x in range(3))
-    return (total / 9.0).astype(np.float32)
+    shifted = [padded[y : y + h, x : x + w] for y in range(3) for x in range(3)]
+    return np.stack(shifted).mean(axis=0).astype(np.float32)

@@ -12,6 +12,7 @@ from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
 from raytide.scene.flatten import FlatScene
+from raytide.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 
 _EQUAL_SHARE = 0.25
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
@@ -59,30 +60,32 @@ def pack_lights(
     return lights, environment
 
 
-def _declared(row: np.ndarray, light: object, origin: np.ndarray, target: np.ndarray) -> float:
+def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndarray) -> float:
     """Fills the record of a declared light; returns its irradiance at `target`."""
-    kind = light.type  # type: ignore[attr-defined]
-    row["kind"] = kind_number("light", kind)
+    row["kind"] = kind_number("light", light.type)
     row["prim"] = NONE
-    if kind == "environment":
-        colour = np.multiply(light.radiance, light.scale)  # type: ignore[attr-defined]
-        row["radiance"][:3] = colour
-        return float(np.pi * _LUMINANCE @ colour)
-    if kind == "directional":
-        direction = np.asarray(light.direction, float)  # type: ignore[attr-defined]
-        row["direction"][:3] = direction / np.linalg.norm(direction)
-        row["radiance"][:3] = light.irradiance  # type: ignore[attr-defined]
-        return float(_LUMINANCE @ np.asarray(light.irradiance, float))  # type: ignore[attr-defined]
-    position = np.asarray(light.position, float)  # type: ignore[attr-defined]
+    if isinstance(light, EnvironmentLight):
+        row["radiance"][:3] = np.multiply(light.radiance, light.scale)
+        return float(np.pi * _LUMINANCE @ np.multiply(light.radiance, light.scale))
+    if isinstance(light, DirectionalLight):
+        row["direction"][:3] = _unit(np.array(light.direction))
+        row["radiance"][:3] = light.irradiance
+        return float(_LUMINANCE @ np.array(light.irradiance))
+    if not isinstance(light, (PointLight, SpotLight)):
+        raise NotImplementedError(f"a light of type {light.type} has no packing")
+    position = np.array(light.position)
     row["position"][:3] = position - origin
-    row["radiance"][:3] = light.intensity  # type: ignore[attr-defined]
-    if kind == "spot":
-        axis = np.asarray(light.target, float) - position  # type: ignore[attr-defined]
-        row["direction"][:3] = axis / np.linalg.norm(axis)
-        cutoff, start = np.radians((light.cutoff, light.falloff_start))  # type: ignore[attr-defined]
-        row["extra"] = (np.cos(cutoff), np.cos(start), cutoff, start)
+    row["radiance"][:3] = light.intensity
+    if isinstance(light, SpotLight):
+        start = light.cutoff if light.falloff_start is None else light.falloff_start
+        row["direction"][:3] = _unit(np.array(light.target) - position)
+        row["extra"][:2] = np.cos(np.radians((light.cutoff, start)))
     distance2 = float(np.sum((position - target) ** 2))
-    return float(_LUMINANCE @ np.asarray(light.intensity, float)) / max(distance2, 1e-30)  # type: ignore[attr-defined]
+    return float(_LUMINANCE @ np.array(light.intensity)) / max(distance2, 1e-30)
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
 
 
 def _primitives(

@@ -13,6 +13,7 @@ from raytide.accel import FlatGeometry
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.lights import pack_lights
+from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
 
 
@@ -142,11 +143,15 @@ def _camera(flat: FlatScene, origin: np.ndarray) -> np.ndarray:
     camera = flat.camera
     width, height = camera.size
     right, up, forward = camera.frame()
-    half = camera.height / 2 if camera.type == "orthographic" else np.tan(np.radians(camera.fov) / 2)
+    half = 0.0
+    if isinstance(camera, Orthographic):
+        half = camera.height / 2
+    elif isinstance(camera, (Pinhole, ThinLens)):
+        half = np.tan(np.radians(camera.fov) / 2)
     row = np.zeros(1, RECORDS["Camera"].dtype)
     row["origin"][0, :3] = np.asarray(camera.origin, np.float64) - origin
     row["right"][0, :3], row["up"][0, :3], row["forward"][0, :3] = right, up, forward
-    if camera.type == "thin_lens":
+    if isinstance(camera, ThinLens):
         row["origin"][0, 3] = camera.aperture
         row["right"][0, 3] = 1.0 / camera.focus_distance
     aspect = width / height

@@ -41,13 +41,12 @@ class SceneBuffers:
     def __init__(self, device: Device, packed: PackedScene, tree: Tree) -> None:
         flat = packed.geometry
         self.geometry = (
-            device.upload(tree.nodes),
-            device.upload(tree.blocks),
+            *tree.buffers(device),
             device.upload(flat.triangles),
             device.upload(flat.vertices),
             device.upload(packed.normals),
             device.upload(flat.shapes),
-            np.uint32(len(tree.blocks)),
+            np.uint32(tree.block_count),
             np.uint32(len(flat.triangles)),
             np.uint32(len(flat.shapes)),
             np.uint32(flat.plane_count),
@@ -144,7 +143,8 @@ class Waves:
         launch(partition, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
         launch(
             partition, "partition_scatter", -(-self.plan.capacity // CHUNK), 64,
-            n, np.uint32(self.plan.capacity), self._status, self._chunk_counts, self._counters, queue, following, self._shadow_queue,
+            n, np.uint32(self.plan.capacity), self._status, self._chunk_counts, self._counters,
+            queue, following, self._shadow_queue,
             label="partition",
         )  # fmt: skip
         counters = self.device.read(self._counters, np.uint32, COUNTERS).astype(np.int64)
