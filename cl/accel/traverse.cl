@@ -50,8 +50,11 @@ static ulong visit_node(const Geometry g, const Query *q, const uint index, cons
     if (mask == 0u) {
         return stack[--*count];
     }
-    *(private float8 *)enters = enter;
     uint lane = ctz_of(mask);
+    if ((mask & (mask - 1u)) == 0u) {
+        return children[lane];  // as if entered at 0: the mask has seen to the limit
+    }
+    *(private float8 *)enters = enter;
     ulong nearest = stack_entry(enters[lane], children[lane]);
     const uint base = *count;
     for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {

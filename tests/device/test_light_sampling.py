@@ -30,39 +30,26 @@ kernel void probe_light(GEOMETRY_ARGUMENTS, const uint count, global const Light
     arriving[i] = make4(s.radiance, (float)(s.delta + 2u * s.infinite));
     Surface at;
     at.p = from + s.to;
-    at.ng = xyz(u[i].zww);
-    at.n = at.ng;
     at.uv = u[i].xy;
     at.error = 0.0f;
     at.object = 0u;
     at.prim = lights->prim;
-    at.ng = normalize3(s.to);  // replaced by the true normal for flat primitives
+    at.ng = normalize3(s.to);
     if (lights->prim != NONE) {
         float pdf, error;
         float3 ng;
         emitter_point(lights->prim, g, from, u[i].xy, &ng, &pdf, &error);
         at.ng = ng;
     }
+    at.n = at.ng;
     seen[i] = make4(at.ng, light_pdf(lights, g, from, at, normalize3(s.to)));
-}
-
-kernel void probe_pick(const uint count, global const Light *lights, const uint light_count,
-                       global const float4 *u, global float4 *picked)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
-        return;
-    }
-    float probability;
-    const uint index = pick_light(lights, light_count, u[i].xy, &probability);
-    picked[i] = (float4)((float)index, probability, 0.0f, 0.0f);
 }
 """
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of one light: `to`, `radiance` and `normal` (n, 3), densities (n,) and flag bits (1 delta, 2 infinite)."""
+    """Samples of one light: `to`, `radiance`, `normal` (n, 3), densities (n,), flag bits (1 delta, 2 infinite)."""
 
     to: np.ndarray
     pdf: np.ndarray
@@ -223,10 +210,7 @@ def test_densities_add_up_to_the_solid_angle(device, name):
     facing = (got.normal * got.to).sum(axis=1) < 0
     assert np.array_equal(facing, kept)
     # The offset target has the same direction to within rounding, so a later hit finds the density of the sample.
-    assert (
-        np.abs(got.pdf_again[kept] / got.pdf[kept] - 1).max() < 1e-3
-        and np.median(np.abs(got.pdf_again[kept] / got.pdf[kept] - 1)) < 1e-6
-    )
+    assert np.abs(got.pdf_again[kept] / got.pdf[kept] - 1).max() < 1e-5
 
 
 def test_irradiance_matches_closed_forms(device):
@@ -304,61 +288,3 @@ def test_points_on_and_in_a_sphere_light_stay_finite(device, above):  # Q3
         assert mean_agrees(got.weights(), 4 * np.pi)
     if above == 1e-3:
         assert mean_agrees(got.weights(), 2 * np.pi * (1 - np.sqrt(1 - 1 / 1.001**2)), 1e-3)
-
-
-def alias_table(weights: np.ndarray) -> np.ndarray:
-    """Light records with alias, threshold and probability of the table as stored (Vose 1991)."""
-    n = len(weights)
-    lights = np.zeros(n, RECORDS["Light"].dtype)
-    scaled, alias = weights / weights.sum() * n, np.arange(n)
-    threshold = np.ones(n)
-    small, large = list(np.nonzero(scaled < 1)[0]), list(np.nonzero(scaled >= 1)[0])
-    while small and large:
-        low, high = small.pop(), large[-1]
-        threshold[low], alias[low] = scaled[low], high
-        scaled[high] -= 1 - scaled[low]
-        if scaled[high] < 1:
-            small.append(large.pop())
-    lights["alias"], lights["threshold"] = alias, threshold
-    kept = lights["threshold"].astype(float)
-    probability = kept / n
-    np.add.at(probability, alias, (1 - kept) / n)
-    lights["position"][:, 3] = probability
-    return lights
-
-
-def pick(device: Any, lights: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lights and probabilities for places in [0,1) given to 40 bits."""
-    bits = (places * 2.0**40).astype(np.uint64)
-    u = np.stack([(bits >> np.uint64(16)) * 2.0**-24, (bits & np.uint64(0xFFFF)) * 2.0**-16], 1)
-    built, n = program(device, "probe_light", _LIGHTS, every_feature()), len(u)
-    out = device.empty(16 * n)
-    arguments = [np.uint32(n), device.upload(lights), np.uint32(len(lights)), device.upload(rows4(u, n)), out]
-    device.launch(built, "probe_pick", n, LOCAL, *arguments)
-    got = device.read(out, F4, 4 * n).reshape(n, 4)
-    return got[:, 0].astype(int), got[:, 1]
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 1000, 100_000])
-def test_lights_are_picked_exactly_as_often_as_claimed(device, count):  # Q7, Q10
-    rng = np.random.default_rng(count)
-    weights = rng.exponential(size=count)
-    weights[:: max(count // 7, 2)] *= 1e-6
-    lights = alias_table(weights)
-    total = 2**22
-    places = (np.arange(total) + 0.5) / total
-    index, probability = pick(device, lights, places)
-    assert index.min() >= 0 and index.max() < count
-    assert np.array_equal(probability, lights["position"][index, 3])
-    counts = np.bincount(index, minlength=count)
-    pieces = 2 + np.bincount(lights["alias"], minlength=count)  # intervals of [0,1) that lead to each light
-    assert (np.abs(counts - total * lights["position"][:, 3].astype(float)) <= pieces + 0.25 * counts**0.5).all()
-    assert np.allclose(lights["position"][:, 3], weights / weights.sum(), rtol=1e-4, atol=1e-9)
-    assert abs((1 / probability.astype(float)).mean() - (weights > 0).sum()) < 0.05 * count + 1e-3
-
-
-def test_a_light_of_no_power_is_never_picked_and_the_last_step_stays_inside(device):
-    lights = alias_table(np.array([0.0, 1.0, 0.0, 2.0]))
-    places = np.concatenate([np.linspace(0, 1, 65_536, endpoint=False), [1 - 2.0**-40, 1 - 2.0**-24, 0.25, 0.5, 0.75]])
-    index, probability = pick(device, lights, places)
-    assert set(index) == {1, 3} and (probability > 0).all()

@@ -62,6 +62,7 @@ CASES = {
         "materials.white.reflectance",
         "0 to 1",
     ),
+    "scaled beyond float32": ("radiance = 10", "radiance = 1e10\nscale = 1e10", "materials.lamp", "1e+20"),
     "negative radiance": ("radiance = 10", "radiance = -1", "materials.lamp.radiance", "at least 0"),
     "unknown material type": ('"diffuse"', '"difuse"', "materials.white.type", "did you mean 'diffuse'"),
     "missing type": ('type = "diffuse"', "", "materials.white.type", "missing"),

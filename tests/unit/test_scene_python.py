@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,18 @@ def test_wrong_calls_raise_scene_errors(make, words: str) -> None:  # type: igno
     assert words in str(caught.value)
 
 
+def test_what_was_put_past_the_checks_is_found_before_rendering() -> None:
+    scene = rt.Scene(rt.Camera(origin=(0, 0, 4), target=(0, 0, 0)))
+    scene.materials["a"] = 3  # type: ignore[assignment]
+    scene.lights["b"] = rt.sphere()  # type: ignore[assignment]
+    with pytest.raises(SceneError) as caught:
+        scene.flatten()
+    assert [(found.key, found.wanted) for found in caught.value.problems] == [
+        ("materials.a", "a material"),
+        ("lights.b", "a light"),
+    ]
+
+
 def test_taken_names_are_refused() -> None:
     scene = rt.Scene(rt.Camera(origin=(0, 0, 4), target=(0, 0, 0)))
     scene.add(rt.sky(1), name="a")
@@ -214,3 +227,17 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.M
         scene.save(path)
     assert path.read_bytes() == before
     assert sorted(file.name for file in tmp_path.iterdir()) == ["bunny.obj", "bunny.toml"]
+
+
+def test_documented_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "scenes.md").read_text()
+    blocks = dict(re.findall(r"```(toml|python)\n(.*?)```", page, re.DOTALL))
+    ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    ply += "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    (tmp_path / "meshes").mkdir()
+    for place in ("bunny.ply", "meshes/bunny.ply"):
+        (tmp_path / place).write_text(ply)
+    (tmp_path / "scene.toml").write_text(blocks["toml"])
+    assert rt.load(tmp_path / "scene.toml").warnings() == []
+    monkeypatch.chdir(tmp_path)
+    exec(compile(blocks["python"], "scenes.md", "exec"), {})

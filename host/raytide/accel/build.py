@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from raytide.accel.boxes import centers_of, edge_scale, primitive_boxes
-from raytide.accel.device_tree import DeviceBuilder
+from raytide.accel.device_tree import DeviceBuilder, build_source
 from raytide.accel.host_sah import sah_order
 from raytide.accel.host_tree import HostTree, pack_blocks
 from raytide.accel.limits import max_depth
@@ -20,6 +20,7 @@ from raytide.kernels.records import NONE, RECORDS
 
 if TYPE_CHECKING:
     from raytide.device import Device
+    from raytide.kernels.source import Source
 
 BUILDERS = ("sah", "lbvh", "none")
 
@@ -30,6 +31,12 @@ HOST_LIMIT = 2048
 
 # Block numbers have 27 bits in a child word, names of primitives 30 bits.
 MAX_PRIMITIVES = 1 << 27
+
+
+def tree_sources(geometry: FlatGeometry, builder: str) -> dict[str, Source]:
+    """Programs that `build_tree` will ask for, so that they can be compiled side by side with others."""
+    wanted = builder != "none" and geometry.primitive_count > HOST_LIMIT
+    return {"bvh": build_source()} if wanted else {}
 
 
 def build_tree(

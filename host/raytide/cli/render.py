@@ -37,6 +37,7 @@ class Job:
     report: Path | None
     overrides: list[str]
     allow_outside: bool
+    coherence: bool
     everything: bool
     half: bool
     exposure: float
@@ -67,6 +68,9 @@ def render(
         Parameter(name="--set", negative="", help="key.path=value put over the scene; may be repeated"),
     ] = None,
     report: Annotated[Path | None, Parameter(help="write times, rates, memory and what was left out, as JSON")] = None,
+    coherence: Annotated[
+        bool, Parameter(negative="", help="measure how coherent each wave's rays are, into --report")
+    ] = False,
     everything: Annotated[bool, Parameter(negative="", help="leave nothing out of the kernels, to compare")] = False,
     explain: Annotated[
         bool, Parameter(negative="", help="show each setting's value and origin; without -o render nothing")
@@ -92,9 +96,12 @@ def render(
     settings = gather({**keys, "size": size, "device": device, "threads": threads, "memory": memory}, environment())
     for warning in settings.warnings:
         logger.warning(warning)
+    if coherence and report is None:
+        raise UsageError("--coherence: came without --report; wanted a file for its figures")
     job = Job(
-        scene, outputs, report, changes or [], allow_outside, everything, half, exposure, no_clobber, quiet, log_json
-    )
+        scene, outputs, report, changes or [], allow_outside, coherence, everything, half, exposure, no_clobber, quiet,
+        log_json,
+    )  # fmt: skip
     job.times["start"] = process_age()
     with StopOnSignal() as signals:
         try:
@@ -155,7 +162,10 @@ def open_renderer(job: Job, scene: Scene, settings: Settings) -> Renderer:
 
     job.timed("import", begun)
     host = {key: setting.value for key, setting in settings.host.items()}
-    return Renderer(scene, host["device"], memory=host["memory"], threads=host["threads"], everything=job.everything)
+    layers = any(path.suffix.lower() == ".exr" for path in job.outputs)
+    return Renderer(
+        scene, host["device"], memory=host["memory"], threads=host["threads"], everything=job.everything, layers=layers
+    )
 
 
 def last_film(renderer: Renderer, progress: Progress) -> Film:
@@ -187,6 +197,10 @@ def write_report(job: Job, renderer: Renderer) -> None:
     assert job.report is not None
     report = renderer.report()
     report["times_s"] = {**job.times, **report.get("times_s", {})}
+    if job.coherence:
+        from raytide.render.coherence import measure_coherence
+
+        report["coherence"] = measure_coherence(renderer)
     report["command"] = shlex.join(["raytide", *sys.argv[1:]])
     report["outputs"] = [str(path) for path in job.outputs]
     with replacing(job.report, no_clobber=job.no_clobber) as file:

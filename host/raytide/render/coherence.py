@@ -12,6 +12,7 @@ import numpy as np
 
 from raytide.device import Buffer, Program
 from raytide.kernels.source import assemble
+from raytide.render.waves import RayCounts
 
 if TYPE_CHECKING:
     from raytide.render.renderer import Renderer
@@ -25,16 +26,17 @@ def measure_coherence(renderer: Renderer) -> dict[str, dict[str, Any]]:
 
     For both orders: `nodes_per_ray` and `leaves_per_ray` visited, and the different ones that a group of 64 touches,
     `nodes_per_group` and `leaves_per_group`; `sharing` is visits by rays over different nodes: 1 where neighbours
-    share nothing, 64 where they agree in everything.
+    share nothing, 64 where they agree in everything. The film and the figures of the render stay as they are.
     """
     observer = _Observer(renderer)
+    counted, renderer.waves.rays = renderer.waves.rays, RayCounts()
     renderer.waves.observe = observer
     try:
         chunk = (0, min(renderer.tiles, renderer.plan.capacity // GROUP), 0, 1)
         renderer.waves.run(chunk, lambda: False)
     finally:
-        renderer.waves.observe = None
-        renderer.restart()
+        renderer.waves.observe, renderer.waves.rays = None, counted
+        renderer.device.take_times()
     found = observer.found.items()
     return {label: {order: _figures(rows) for order, rows in orders.items()} for label, orders in found}
 

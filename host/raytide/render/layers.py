@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytide.kernels.source import assemble
 from raytide.render.schedule import AOV
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ def render_layers(renderer: Renderer) -> dict[str, np.ndarray]:
     """Layers of a render, top row first: albedo, normal, position (h, w, 3) and depth (h, w) float32, object_id
     (h, w) uint32. Position is in world space; depth is the distance from the eye, infinite where nothing is hit."""
     device, flat = renderer.device, renderer.flat
-    program = device.build({AOV.name: assemble(AOV.entry, renderer.features)})[AOV.name]
+    program = renderer.program(AOV)
     width, height = flat.camera.size
     pixels = width * height
     parts: list[list[np.ndarray]] = [[], [], []]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from raytide.accel import Tree, build_tree
+from raytide.accel import Tree, build_tree, tree_sources
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
 from raytide.kernels.features import Features
@@ -33,7 +33,8 @@ class Renderer:
     """Renders `scene` on `device` (an id, a DeviceInfo or an open Device; None picks one).
 
     `memory` bounds the wave buffers in bytes; `everything` builds kernels with every feature (to see what leaving
-    out saves); `settings` override keys of the scene's [render] table and camera `size`. Use as a context manager.
+    out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
+    `settings` override keys of the scene's [render] table and camera `size`. Use as a context manager.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -45,10 +46,11 @@ class Renderer:
         *,
         memory: int | None = None,
         everything: bool = False,
+        layers: bool = False,
         threads: int | None = None,
         **settings: Any,
     ) -> None:
-        self.scene, self.memory, self.everything = scene, memory, everything
+        self.scene, self.memory, self.everything, self.early_layers = scene, memory, everything, layers
         self.settings = settings
         self.times: dict[str, float] = {}
         self.sources: dict[str, Source] = {}
@@ -89,12 +91,23 @@ class Renderer:
             self._upload()
 
     def _build(self) -> None:
-        """Programs whose source did not change stay as they are."""
-        sources = {w.name: assemble(w.entry, self.features) for w in schedule.WAVES if w.needed(self.features)}
+        """Programs whose source did not change stay as they are; all others are compiled side by side."""
+        waves = [w for w in schedule.WAVES if w.needed(self.features)]
+        waves += [schedule.AOV] if self.early_layers else []
+        sources = {wave.name: assemble(wave.entry, self.features) for wave in waves}
+        sources |= tree_sources(self.packed.geometry, self.flat.render.bvh)
         kept = {name: p for name, p in self.programs.items() if self.sources.get(name) == sources.get(name)}
         missing = {name: source for name, source in sources.items() if name not in kept}
         self.sources = sources
         self.programs = kept | (self.device.build(missing) if missing else {})
+
+    def program(self, wave: schedule.Wave) -> Program:
+        """The program of a wave that is not in every schedule, built when it is first asked for."""
+        if wave.name not in self.programs:
+            source = assemble(wave.entry, self.features)
+            self.sources[wave.name] = source
+            self.programs |= self.device.build({wave.name: source})
+        return self.programs[wave.name]
 
     def _upload(self) -> None:
         width, height = self.flat.camera.size
@@ -207,7 +220,7 @@ class Renderer:
         if self._film is None:
             with self._timed("readback"):
                 self._film = Film(
-                    self._read_film(), self.spp_done, self._stats, lambda: header_of(self), lambda: self._layers()
+                    self._read_film(), self.spp_done, self._stats, lambda: header_of(self), self._layers
                 )
             error = self._film.error
             self._stats["error"] = error.relmse if error else None

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from raytide.errors import Problem, SceneError
-from raytide.scene.describe import list_words, nearest
-from raytide.scene.materials import Emissive
+from raytide.scene.describe import list_words, nearest, value_words
+from raytide.scene.lights import Light
+from raytide.scene.materials import Emissive, Material
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh, Shape
 from raytide.scene.transform import fault_of, matrix_of
@@ -19,7 +20,13 @@ if TYPE_CHECKING:
 
 def scene_problems(scene: Scene) -> list[Problem]:
     """Everything that keeps a scene from being rendered."""
-    return object_problems(scene, list(scene.materials))
+    strangers = [
+        Problem(path_words((group, str(name))), value_words(thing), f"a {base.__name__.lower()}")
+        for group, base in (("materials", Material), ("objects", Shape), ("lights", Light))
+        for name, thing in getattr(scene, group).items()
+        if not isinstance(thing, base)
+    ]
+    return strangers or object_problems(scene, list(scene.materials))
 
 
 def object_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import model_validator
 
 from raytide.scene.model import Table
-from raytide.scene.values import SMALLEST, Direction, Emission, Number, Point, key
+from raytide.scene.values import SMALLEST, Direction, Emission, Number, Point, check_product, key
 
 
 class Light(Table):
@@ -72,6 +72,11 @@ class EnvironmentLight(Light):
     type: Literal["environment"] = "environment"
     radiance: Emission = key(unit="W/(sr m^2)", doc="radiance from all around")
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        check_product(self.radiance, self.scale)
+        return self
 
 
 LIGHTS: dict[str, type[Light]] = {kind.model_fields["type"].default: kind for kind in Light.__subclasses__()}

@@ -12,7 +12,7 @@ from pydantic import model_validator
 
 from raytide.scene.model import Table
 from raytide.scene.presets import CONDUCTORS
-from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, key
+from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, check_product, key
 
 Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
 
@@ -43,6 +43,11 @@ class Emissive(Material):
     radiance: Emission = key(unit="W/(sr m^2)", doc="radiance, the same in all directions")
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
     two_sided: Flag = key(False, doc="whether the back shines too")
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        check_product(self.radiance, self.scale)
+        return self
 
     def parameter(self, name: str) -> Any:
         return np.multiply(self.radiance, self.scale) if name == "radiance" else getattr(self, name)

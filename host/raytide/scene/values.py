@@ -78,6 +78,13 @@ def as_colour(value: Any) -> Vector:
     return (grey, grey, grey)
 
 
+def check_product(colour: Vector, scale: float) -> None:
+    """Raises ValueError where a scaled radiance leaves float32's usable range."""
+    largest = max(colour) * scale
+    if largest > LARGEST:
+        raise ValueError(f"came radiance times scale of {largest:.3g}; wanted at most {LARGEST:g}")
+
+
 def _between(low: float, high: float) -> AfterValidator:
     def check(colour: Vector) -> Vector:
         if not all(low <= channel <= high for channel in colour):
