@@ -4,6 +4,7 @@
     python3 tools/run.py render scenes/cornell/cornell.toml -o cornell.exr
     python3 tools/run.py test [pytest arguments]
     python3 tools/run.py COMMAND ...          any other raytide command
+    python3 tools/run.py python FILE ...      a developer's tool, in the same environment
 
 The first use makes .venv beside pyproject.toml and installs raytide in it; later uses start at once.
 """
@@ -34,6 +35,8 @@ def main(arguments):
     if arguments[0] == "test":
         os.chdir(ROOT)
         return start(["-P", "-m", "pytest", *arguments[1:]])
+    if arguments[0] == "python":
+        return start(arguments[1:])
     return start(["-P", "-m", "raytide", *arguments])  # -P: a file of the working folder never shadows a module
 
 

@@ -9,7 +9,7 @@ static float2 square_to_disk(const float2 u)
 {
     const float a = 2.0f * u.x - 1.0f;
     const float b = 2.0f * u.y - 1.0f;
-    const int steep = abs_of(b) > abs_of(a);
+    const int steep = b * b > a * a;  // magnitudes by bits would be paired early, which stops the vectoriser
     const float r = steep ? b : a;
     const float other = steep ? a : b;
     const float ratio = other / (r != 0.0f ? r : 1.0f);

@@ -41,7 +41,7 @@ def test_saved_scene_comes_back_the_same(suffix: str, tmp_path: Path) -> None:
     assert again.save(tmp_path / f"twice{suffix}").read_text() == text
 
 
-finite = st.floats(-1e18, 1e18, allow_subnormal=False).map(lambda x: 0.0 if abs(x) < 1e-30 else x)
+finite = st.floats(-4e17, 4e17, allow_subnormal=False).map(lambda x: 0.0 if abs(x) < 1e-30 else x)
 points = st.tuples(finite, finite, finite)
 units = st.floats(0, 1)
 names = st.text(
@@ -54,7 +54,7 @@ names = st.text(
     names=st.lists(names, min_size=3, max_size=3, unique=True),
     center=points,
     colour=st.tuples(units, units, units),
-    radius=st.floats(1e-18, 1e18),
+    radius=st.floats(1e-17, 1e17),
     shift=points,
     degrees=finite,
     radiance=st.floats(0, 1e18),
