@@ -57,6 +57,34 @@ def test_brute_force_and_tree_agree_bit_for_bit(device: object, triangles: int) 
     assert len(np.unique(by_tree["prim"])) > min(triangles, 100) + 15
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_brute_force_and_tree_agree_on_thin_piles_of_copies(device: object, seed: int) -> None:
+    """Five copies each of triangles in a sheet 1e-7 thin: a box's entry and a hit inside it differ by their rounding."""
+    rng = np.random.default_rng(seed)
+    thin = np.array([1, 1, 7e-8])
+    corners = (rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(size=(60, 3, 3)) * 0.5) * thin
+    geometry = soup(np.concatenate([np.float32(corners)] * 5))
+    directions = rng.normal(size=(60_000, 3)) * thin**0.2
+    target = rng.uniform(-1, 1, (60_000, 3)) * thin
+    rays = rays_of(np.float32(target - directions), directions)
+    by_tree, _ = tracer(device, geometry, simple_tree(geometry, 2)).trace(rays)
+    by_force, _ = tracer(device, geometry, False).trace(rays)
+    assert by_tree.tobytes() == by_force.tobytes() and (by_tree["prim"] != NONE).mean() > 0.5
+
+
+def test_brute_force_and_tree_agree_where_many_hits_are_close(device: object) -> None:
+    """800 large triangles within 1e-4 of a plane, seen from above: the closest of hundreds of hits on each ray."""
+    rng = np.random.default_rng(16)
+    corners = rng.uniform(-1, 1, (800, 1, 3)) * [1, 1, 1e-4] + rng.normal(size=(800, 3, 3)) * [0.3, 0.3, 1e-4]
+    rays = rays_of(
+        rng.uniform(-1, 1, (20_000, 3)) * [1, 1, 0] + [0, 0, 2],
+        rng.normal(size=(20_000, 3)) * [0.05, 0.05, 0] - [0, 0, 1],
+    )
+    geometry = soup(corners)
+    by_tree, _ = tracer(device, geometry).trace(rays)
+    assert by_tree.tobytes() == tracer(device, geometry, False).trace(rays)[0].tobytes()
+
+
 def test_any_hit_within_an_interval_exists_exactly_where_the_closest_does(device: object) -> None:
     geometry = crowd(200)
     rays = scattered(50_000)

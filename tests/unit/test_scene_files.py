@@ -93,6 +93,7 @@ def test_absurd_numbers_are_refused(tmp_path: Path) -> None:
     [
         "../out.obj",
         "sub/../../out.obj",
+        "sub/../in.obj",
         "/etc/passwd.obj",
         "..\\\\out.obj",
         "\\\\\\\\server\\\\out.obj",
@@ -111,6 +112,7 @@ def test_no_file_outside_the_folder_is_opened(name: str, tmp_path: Path, monkeyp
     folder = tmp_path / "scene"
     (folder / "sub").mkdir(parents=True)
     (tmp_path / "out.obj").write_text(TRIANGLE)
+    (folder / "in.obj").write_text(TRIANGLE)
     (folder / "link.obj").symlink_to(tmp_path / "out.obj")
     (folder / "linked").symlink_to(tmp_path)
     (folder / "loop.obj").symlink_to(folder / "loop.obj")

@@ -1,0 +1,54 @@
+"""The instrumented traversal: what rays visit, how much neighbours share, and that nearer boxes come first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from oracles_geometry import Mesh, Tracer, features, rays_of, ring_sphere, simple_tree, soup
+from raytide.kernels import assemble
+
+
+def visits(device: object, geometry: Mesh, rays: np.ndarray, any_hit: bool = False, workers: int = 3) -> np.ndarray:
+    """Rows of (node visits, leaf visits, different nodes, different leaves) for each group of 64 rays."""
+    source = assemble("probe/coherence.cl", features(counters=True))
+    program = device.build({"coherence": source})["coherence"]  # type: ignore[attr-defined]
+    nodes, blocks = simple_tree(geometry)
+    traced = Tracer(device, geometry, program, (nodes, blocks))
+    count = len(rays)
+    groups = -(-count // 64)
+    node_words, leaf_words = -(-len(nodes) // 32), -(-(len(blocks) + len(geometry.shapes)) // 32)
+    queue, given = device.upload(np.arange(count, dtype=np.uint32)), device.upload(rays)  # type: ignore[attr-defined]
+    bitmaps = device.upload(np.zeros(workers * (node_words + leaf_words), np.uint32))  # type: ignore[attr-defined]
+    results = device.empty(16 * groups)  # type: ignore[attr-defined]
+    numbers = [np.uint32(n) for n in (0, count, any_hit, workers, node_words, leaf_words)]
+    first, total, kind, items, *words = numbers
+    device.launch(program, "coherence", (workers,), (1,), *traced.arguments, queue, first, total, given, kind, items,
+                  bitmaps, *words, results)  # type: ignore[attr-defined]  # fmt: skip
+    return device.read(results, np.uint32, 4 * groups).reshape(groups, 4)  # type: ignore[attr-defined]
+
+
+def test_equal_rays_share_everything_and_scattered_ones_little(device: object) -> None:
+    rng = np.random.default_rng(51)
+    geometry = ring_sphere(40, 40)
+    one = visits(device, geometry, rays_of(np.zeros((1, 3)), [[0.3, 0.4, 0.5]]))
+    assert one[0, 0] == one[0, 2] > 1 and one[0, 1] == one[0, 3] >= 1
+    same = visits(device, geometry, rays_of(np.zeros((1, 3)), np.tile([0.3, 0.4, 0.5], (640, 1))))
+    assert (same == one * [64, 64, 1, 1]).all()
+    scattered = visits(device, geometry, rays_of(np.zeros((1, 3)), rng.normal(size=(640, 3))))
+    assert (scattered[:, 2:] > 4 * one[0, 2:]).all() and (scattered[:, 2:] <= scattered[:, :2]).all()
+    assert np.array_equal(
+        scattered,
+        visits(device, geometry, rays_of(np.zeros((1, 3)), np.random.default_rng(51).normal(size=(640, 3))), workers=1),
+    )
+
+
+def test_the_nearest_boxes_are_visited_first(device: object) -> None:
+    """A thousand layers, each covering the view: the closest hit opens a few leaves, not a thousand."""
+    layers = np.arange(1, 1001)[:, None, None] * [0, 0, 1.0] + np.array(
+        [[-2000, -2000, 0], [2000, -2000, 0], [0, 4000, 0.5]]
+    )
+    rng = np.random.default_rng(52)
+    rays = rays_of(rng.uniform(-1, 1, (640, 3)) * [1, 1, 0], [[0.01, 0.02, 1.0]])
+    for any_hit in (False, True):
+        mean = visits(device, soup(layers), rays, any_hit).sum(axis=0) / 640
+        assert mean[1] <= (2 if not any_hit else 20) and mean[0] <= 8
