@@ -59,7 +59,7 @@ def test_brute_force_and_tree_agree_bit_for_bit(device: object, triangles: int) 
 
 @pytest.mark.parametrize("seed", [2, 3])
 def test_brute_force_and_tree_agree_on_thin_piles_of_copies(device: object, seed: int) -> None:
-    """Five copies each of triangles in a sheet 1e-7 thin: a box's entry and a hit inside it differ by their rounding."""
+    """Copies of triangles in a sheet 1e-7 thin: a box's entry and a hit inside it differ by their rounding."""
     rng = np.random.default_rng(seed)
     thin = np.array([1, 1, 7e-8])
     corners = (rng.uniform(-1, 1, (60, 1, 3)) + rng.normal(size=(60, 3, 3)) * 0.5) * thin

@@ -42,13 +42,17 @@ def test_equal_rays_share_everything_and_scattered_ones_little(device: object) -
     )
 
 
-def test_the_nearest_boxes_are_visited_first(device: object) -> None:
-    """A thousand layers, each covering the view: the closest hit opens a few leaves, not a thousand."""
-    layers = np.arange(1, 1001)[:, None, None] * [0, 0, 1.0] + np.array(
-        [[-2000, -2000, 0], [2000, -2000, 0], [0, 4000, 0.5]]
-    )
+def test_boxes_are_visited_from_near_to_far(device: object) -> None:
+    """1000 layers, of which every ray meets all boxes but only the second half's triangles: the closest hit visits the
+    leaves of the first half and the one behind, and no farther ones."""
+    beside = np.array([[-2000, -2000, 0], [2000, -2000, 0], [-2000, 2000, 0]])
+    across = np.array([[-2000, -2000, 0], [2000, -2000, 0], [0, 4000, 0]])
+    depth = np.arange(1, 1001)[:, None, None] * [0, 0, 1.0]
+    geometry = soup(depth + np.where(depth[..., 2:] < 500, beside, across))
     rng = np.random.default_rng(52)
-    rays = rays_of(rng.uniform(-1, 1, (640, 3)) * [1, 1, 0], [[0.01, 0.02, 1.0]])
-    for any_hit in (False, True):
-        mean = visits(device, soup(layers), rays, any_hit).sum(axis=0) / 640
-        assert mean[1] <= (2 if not any_hit else 20) and mean[0] <= 8
+    rays = rays_of(rng.uniform(1, 2, (640, 3)) * [1, 1, 0], [[0.001, 0.002, 1.0]])
+    in_front = sum(block["prim"].min() <= 499 for block in simple_tree(geometry)[1])
+    mean = visits(device, geometry, rays).sum(axis=0) / 640
+    assert mean[1] == in_front and mean[0] < in_front
+    anywhere = visits(device, geometry, rays, any_hit=True).sum(axis=0) / 640
+    assert anywhere[1] <= in_front

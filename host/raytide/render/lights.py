@@ -79,7 +79,8 @@ def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndar
     if isinstance(light, SpotLight):
         start = light.cutoff if light.falloff_start is None else light.falloff_start
         row["direction"][:3] = _unit(np.array(light.target) - position)
-        row["extra"][:2] = np.cos(np.radians((light.cutoff, start)))
+        angles = np.radians((light.cutoff, start))
+        row["extra"] = (*np.cos(angles), *angles)
     distance2 = float(np.sum((position - target) ** 2))
     return float(_LUMINANCE @ np.array(light.intensity)) / max(distance2, 1e-30)
 
