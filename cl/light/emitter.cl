@@ -36,7 +36,8 @@ static float3 emitter_point(const uint prim, const Geometry g, const float3 from
 #endif
 }
 
-// The target is moved off the primitive by its error bound, so that a shadow ray up to t = 1 ends before it.
+// The target is moved off the primitive by its error bound and by the rounding of t along the way to it, so that a
+// shadow ray up to t = 1 ends before the primitive.
 static LightSample emitter_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)
 {
     float3 ng;
@@ -46,7 +47,8 @@ static LightSample emitter_sample(global const Light *l, const Geometry g, const
     const float front = -dot3(ng, to);
     const int shines = front > 0.0f || (l->extra.x != 0.0f && front < 0.0f);
     LightSample out;
-    out.to = to + ng * (front > 0.0f ? error : -error);
+    const float lift = error + 4.0f * UNIT_ROUNDOFF * dot3(abs3(ng), abs3(to));
+    out.to = to + ng * (front > 0.0f ? lift : -lift);
     out.radiance = xyz(l->radiance);
     out.pdf = shines ? pdf : 0.0f;
     out.delta = 0u;

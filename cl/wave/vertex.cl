@@ -72,6 +72,9 @@ static float3 environment_seen(global const Light *lights, global const Settings
                                const Ray ray, const uint path_edges, const float4 state)
 {
 #if HAS_ENVIRONMENT
+    if (settings->environment == NONE) {
+        return (float3)(0.0f);
+    }
     global const Light *sky = lights + settings->environment;
     Surface none;
     const float3 wi = normalize3(xyz(ray.direction));
