@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,8 @@ def pytest_configure(config: pytest.Config) -> None:
     RAYTIDE_TEST_CACHE keeps that folder between runs, which saves the kernel builds.
     """
     kept = os.environ.get("RAYTIDE_TEST_CACHE")
-    base = Path(kept) if kept else Path(config.cache.mkdir("raytide"))  # type: ignore[union-attr]
+    cache = getattr(config, "cache", None)  # absent with -p no:cacheprovider
+    base = Path(kept) if kept else Path(cache.mkdir("raytide") if cache else tempfile.mkdtemp(prefix="raytide-"))
     base.mkdir(parents=True, exist_ok=True)
     os.environ["RAYTIDE_CACHE_DIR"] = str(base)
     os.environ["PYOPENCL_NO_CACHE"] = "1"

@@ -238,7 +238,7 @@ def scene_from_file(path: Path) -> RayScene:
     vertices = vertices * (1.6 / np.ptp(vertices[:, 1]))
     middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
     middle[1] = vertices[:, 1].min()
-    return in_box(path.stem, (vertices - middle, np.asarray(mesh.faces, np.int64)))
+    return in_box(path.stem, (vertices - middle, np.asarray(mesh.triangles, np.int64)))
 
 
 def processor_name() -> str:

@@ -29,6 +29,8 @@ __all__ = sorted(_HOME)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return _version()
     if name not in _HOME:
         raise AttributeError(f"module 'raytide' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)
@@ -36,3 +38,12 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("raytide")
+    except PackageNotFoundError:
+        return "0+checkout"

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cyclopts import App
     from rich.console import Console
 
+import raytide
 from raytide.errors import RaytideError
 
 # name: where the function or App is, and its line in the help
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run(words: list[str]) -> int:
     """Parse `words` and call the command. Raises what the command raises."""
     if words == ["--version"]:
-        print(version())
+        print(f"raytide {raytide.__version__}")
         return 0
     from cyclopts import CycloptsError
 
@@ -86,17 +87,6 @@ def command_app() -> App:
     for name, (place, line) in COMMANDS.items():
         app.command(place, name=name, help=line)
     return app
-
-
-def version() -> str:
-    """The installed version."""
-    from importlib.metadata import PackageNotFoundError
-    from importlib.metadata import version as installed
-
-    try:
-        return f"raytide {installed('raytide')}"
-    except PackageNotFoundError:
-        return "raytide, not installed (run from a checkout)"
 
 
 def people() -> Console:

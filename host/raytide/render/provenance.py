@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import raytide
 from raytide.render.waves import EDGE_BINS, RayCounts
 
 if TYPE_CHECKING:
@@ -16,21 +16,13 @@ if TYPE_CHECKING:
 REPORT_SCHEMA = "raytide.report/1"
 
 
-def raytide_version() -> str:
-    """Version of the installed package."""
-    try:
-        return version("raytide")
-    except PackageNotFoundError:
-        return "0+checkout"
-
-
 def report_of(renderer: Renderer) -> dict[str, Any]:
     """All figures of a render, ready for JSON. Times in seconds, memory in bytes, rates in 1/s."""
     flat, film = renderer.flat, renderer.film
     error = film.error
     return {
         "schema": REPORT_SCHEMA,
-        "raytide": raytide_version(),
+        "raytide": raytide.__version__,
         "scene_sha256": renderer.scene.sha256(),
         "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
         "device": _device(renderer),
@@ -61,11 +53,11 @@ def header_of(renderer: Renderer) -> dict[str, Any]:
     film, flat = renderer.film, renderer.flat
     to_camera = world_to_camera(flat.camera)
     return {
-        "software": f"raytide {raytide_version()}",
+        "software": f"raytide {raytide.__version__}",
         "comments": "linear Rec. 709 radiance",
         "worldToCamera": to_camera.astype(np.float32),
         "raytide": {
-            "version": raytide_version(),
+            "version": raytide.__version__,
             "spp": film.spp,
             "seed": flat.render.seed,
             "device": renderer.device.info.id,

@@ -133,8 +133,12 @@ class Renderer:
         self._health = self.device.empty(64)
         self.restart()
 
-    def restart(self) -> None:
-        """Film and counters to zero: a new picture of the same scene."""
+    def restart(self, seed: int | None = None) -> None:
+        """Film and counters to zero: a new picture of the same scene, with another seed if one is given."""
+        if seed is not None:
+            self.settings["seed"] = seed
+            self.flat = with_settings(self.flat, {"seed": seed})
+            self.device.write(self.settings_buffer, settings_record(self.flat, self.packed))
         pixels = int(np.prod(self.flat.camera.size))
         for buffer in self._sums:
             self.device.fill(buffer, 0, pixels * 16)
