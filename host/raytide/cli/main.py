@@ -10,12 +10,12 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import raytide
+from raytide.errors import RaytideError
+
 if TYPE_CHECKING:
     from cyclopts import App
     from rich.console import Console
-
-import raytide
-from raytide.errors import RaytideError
 
 # name: where the function or App is, and its line in the help
 COMMANDS = {
@@ -80,7 +80,7 @@ def command_app() -> App:
     app = App(
         name="raytide",
         help="Portable OpenCL compute renderer: waves of rays, honest errors, stable numbers.",
-        version=version,
+        version=f"raytide {raytide.__version__}",
         result_action="return_value",
         suppress_keyboard_interrupt=False,
     )

@@ -169,7 +169,7 @@ _TABLE = (
         ("float4", "position", "m", "xyz; w = probability of being picked"),
         ("float4", "direction", "", "unit; the way the light travels"),
         ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance"),
-        ("float4", "extra", "", "spot: cosines of cutoff and fall-off start, then the angles in radians; emitter: x = two-sided"),
+        ("float4", "extra", "", "spot: cosines of cutoff and fall-off start, then their angles [rad]; emitter: x = two-sided"),
     ),
     _record(
         "Camera",
