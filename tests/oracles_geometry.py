@@ -144,7 +144,7 @@ def shape_record(kind: str, center: object, axes: object, owner: int = 3) -> np.
     """One Shape record; axes are the rows u, v, w."""
     row = np.zeros(1, RECORDS["Shape"].dtype)
     axes = np.asarray(axes, np.float64)
-    row["kind"], row["object"], row["light"] = kind_number("shape", kind), owner, NONE
+    row["kind"], row["object"] = kind_number("shape", kind), owner
     row["center"][0, :3] = center
     for name, axis, dual in zip("uvw", axes, np.linalg.inv(axes).T, strict=True):
         row[name][0] = (*axis, 1.0 / (axis @ axis))

@@ -26,7 +26,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from compare_tables import print_tables
 from embree_library import QUALITIES, EmbreeScene, hit_records, load_embree
-
 from raytide.accel import build_tree
 from raytide.accel.build import BUILDERS
 from raytide.device import Device, open_device

@@ -23,8 +23,9 @@ HIT_LIMIT, T_LIMIT = 2e-5, 5e-4  # shares of rays that may differ
 def print_tables(result: dict[str, Any], clock: str = "processor") -> None:
     """Everything on stdout; `clock` is "processor" or "wall"."""
     device = result["device"]
-    print(f"raytide on {device['id']} ({device['name']}) against Embree {result['embree']}, {result['threads']} threads, "
-          f"medians of {result['repeats']}, load {result['load_before'][0]:.1f} to {result['load_after'][0]:.1f}\n")  # fmt: skip
+    loads = [result[when][0] for when in ("load_before", "load_after")]
+    print(f"raytide on {device['id']} ({device['name']}, {device['driver']}) against Embree {result['embree']}")
+    print(f"{result['threads']} threads, medians of {result['repeats']}, load {loads[0]:.1f} to {loads[1]:.1f}\n")
     traversals = sorted({name for scene in result["scenes"].values() for one in scene["sets"].values()
                          for name in one["rates"] if name.startswith("raytide")})  # fmt: skip
     for traversal in traversals:
@@ -36,7 +37,7 @@ def print_tables(result: dict[str, Any], clock: str = "processor") -> None:
 
 def rates_table(result: dict[str, Any], traversal: str, clock: str) -> None:
     """Mrays/s and ratios of one traversal in every scene and set."""
-    print(f"Mrays/s by {clock} time, {traversal}; then its ratio to Embree's modes (1 = rtcIntersect1 or rtcOccluded1)\n")
+    print(f"{traversal}, Mrays/s by {clock} time; ratios to Embree's modes (1 = rtcIntersect1 or rtcOccluded1)\n")
     head = ["scene", "rays", "raytide", "Embree 1", "16", "16 coherent", *(f"/ {name}" for name in AGAINST)]
     rows = []
     for name, scene in result["scenes"].items():

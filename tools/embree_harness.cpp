@@ -1,4 +1,4 @@
-// Embree 3 behind a C interface: scenes, traces over raytide's own ray records, and the surface-area cost of its builder.
+// Embree 3 behind a C interface: scenes, traces over raytide's own ray records, the surface-area cost of its builder.
 // Every function returns 0, or Embree's error code. Threads are started for each call; rays go out in chunks.
 
 #include <embree3/rtcore.h>
@@ -21,7 +21,10 @@ struct Hit { float t, u, v; uint32_t prim; };                                   
 struct Mesh {  // rows of four words, of which the first three count
     const float *vertices;
     const uint32_t *triangles;
-    const float *corner(uint32_t triangle, int k) const { return vertices + 4 * size_t(triangles[4 * size_t(triangle) + k]); }
+    const float *corner(uint32_t triangle, int k) const
+    {
+        return vertices + 4 * size_t(triangles[4 * size_t(triangle) + k]);
+    }
 };
 
 struct World {
@@ -152,7 +155,9 @@ void *make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive *, si
 
 void set_children(void *node, void **children, unsigned int count, void *)
 {
-    for (unsigned int i = 0; i < count; i++) static_cast<Node *>(node)->below += static_cast<Node *>(children[i])->below;
+    for (unsigned int i = 0; i < count; i++) {
+        static_cast<Node *>(node)->below += static_cast<const Node *>(children[i])->below;
+    }
 }
 
 void set_bounds(void *node, const RTCBounds **bounds, unsigned int count, void *)
@@ -263,7 +268,7 @@ int embree_cost(World *world, const float *vertices, const uint32_t *triangles, 
     arguments.maxBranchingFactor = 8;
     arguments.maxDepth = 64;
     arguments.sahBlockSize = 8;
-    arguments.minLeafSize = 1;
+    arguments.minLeafSize = 8;  // the cheapest trees; smaller ones split leaves without need
     arguments.maxLeafSize = 8;
     arguments.traversalCost = 1.0f;
     arguments.intersectionCost = 1.0f;

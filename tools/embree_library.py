@@ -47,14 +47,14 @@ class EmbreeScene:
         self._check(code, "building")
 
     def trace(self, rays: np.ndarray, hits: np.ndarray, width: int, any_hit: bool, coherent: bool) -> None:
-        """Trace records Ray (n,) into records Hit (n,); for any hit only t is written: below 0 where something is met."""
+        """Trace records Ray (n,) into records Hit (n,); any hit writes only t, below 0 where something is met."""
         code = self._library.embree_trace(
             self._world, _address(rays), _address(hits), len(rays), width, int(any_hit), int(coherent), self.threads
         )
         self._check(code, "tracing")
 
     def cost(self, quality: str) -> float:
-        """Surface-area cost, in the measure of raytide's TreeStats, of Embree's builder with 8-wide nodes and leaves."""
+        """Surface-area cost, as in raytide's TreeStats, of Embree's builder told to make 8-wide nodes and leaves."""
         cost = ctypes.c_double()
         code = self._library.embree_cost(
             self._world, _address(self._vertices), _address(self._triangles), len(self._triangles),

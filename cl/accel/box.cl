@@ -4,7 +4,8 @@
 #include "accel/ray.cl"
 #include "accel/rows.cl"
 // Slab tests that never lose a hit. The form box * (1/d) + (-o/d) errs by one rounding of o and two of t: the stored
-// boxes are rounded outward by an ulp, which covers the first, and the far end is scaled by 1 + 4 ulp (Ize 2013, and what NEAR_SCALE needs).
+// boxes are rounded outward by an ulp, which covers the first, and the far end is scaled by 1 + 4 ulp (Ize 2013; the
+// fourth is for NEAR_SCALE).
 // Along an axis on which the ray stands still, the origin is inside the slab or not; the slab then bounds nothing.
 
 #define FAR_SCALE 1.0000005f    // 1 + 4 ulp

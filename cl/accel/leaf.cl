@@ -43,8 +43,8 @@ static float3 lane_corner(global const char *lane, const uint4 rows)
 }
 
 // t of a triangle met at `depth`, no earlier than its box; negative if the box is not met up to `limit`.
-ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane, const Query *q, const float depth,
-                        const float limit)
+ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane, const Query *q,
+                                      const float depth, const float limit)
 {
     const float4 a = lane_vertex(block, 0u, lane);
     const float4 b = lane_vertex(block, 1u, lane);

@@ -37,18 +37,14 @@ static float largest8(const float8 v)
     return max_of(two.x, two.y);
 }
 
-// Largest coordinate magnitude of the geometry; its order of magnitude is enough. Builders may leave it in the root's
-// spare words; else it is read from the root's boxes or, without a tree, from the first block.
+// Largest coordinate magnitude of the geometry; its order of magnitude is enough. Read from the root's boxes or,
+// without a tree, from the first block.
 static float geometry_extent(const Geometry g)
 {
     float8 largest = (float8)(0.0f);
 #if HAS_TREE
     if (!has_nodes(g)) {
         return 0.0f;
-    }
-    const float known = float_of(g.nodes[0].spare.s0);
-    if (known > 0.0f) {
-        return known;
     }
     global const float8 *rows = &g.nodes[0].lox;
     for (uint axis = 0u; axis < 3u; axis++) {

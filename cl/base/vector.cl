@@ -32,8 +32,8 @@ static float dot4_exact(const float4 a, const float4 b)
     const float r = a.z * b.z;
     const float s = a.w * b.w;
     const float sum = two_sum(two_sum(p, q, &e0), two_sum(r, s, &e1), &e2);
-    const float products = (fma_of(a.x, b.x, -p) + fma_of(a.y, b.y, -q)) + (fma_of(a.z, b.z, -r) + fma_of(a.w, b.w, -s));
-    return sum + (((e0 + e1) + e2) + products);
+    const float low = (fma_of(a.x, b.x, -p) + fma_of(a.y, b.y, -q)) + (fma_of(a.z, b.z, -r) + fma_of(a.w, b.w, -s));
+    return sum + (((e0 + e1) + e2) + low);
 }
 
 static float dot3_exact(const float3 a, const float3 b) { return dot4_exact(make4(a, 0.0f), make4(b, 0.0f)); }

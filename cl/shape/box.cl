@@ -99,7 +99,8 @@ static float3 box_sample(global const Shape *s, const float3 from, const float2 
     const float sign = within_face < 1.0f ? -1.0f : 1.0f;
     const float a = 2.0f * (within_face < 1.0f ? within_face : within_face - 1.0f) - 1.0f;
     const float b = 2.0f * u.y - 1.0f;
-    const float3 coords = axis == 0u ? (float3)(sign, a, b) : (axis == 1u ? (float3)(b, sign, a) : (float3)(a, b, sign));
+    const float3 across = axis == 1u ? (float3)(b, sign, a) : (float3)(a, b, sign);
+    const float3 coords = axis == 0u ? (float3)(sign, a, b) : across;
     const float3 p = box_point(s, coords);
     *ng = box_normal(s, axis, sign);
     *error = box_error(s, *ng);

@@ -6,6 +6,7 @@
 #include "accel/geometry.cl"
 // Sphere around center with radius center.w; u, v, w are its half axes.
 
+#define ONE_OVER_TWO_PI 0.15915494309f
 #define SPHERE_NEAR 1e-6f  // from closer than this (squared distance above the surface, per r^2) the cone has no digits
 
 // |v|^2 - r^2 without cancellation.
@@ -117,7 +118,7 @@ static float3 sphere_sample(global const Shape *s, const float3 from, const floa
     sin_cos_turns(u.y, &sin_phi, &cos_phi);
     const Frame frame = frame_of(-normalize3(to));
     *ng = normalize3(to_world(frame, (float3)(sin_alpha * cos_phi, sin_alpha * sin_phi, cos_alpha)));
-    *pdf = 0.15915494309f / cone;
+    *pdf = ONE_OVER_TWO_PI / cone;
     *error = sphere_error(center, r, *ng);
     return sphere_point(center, r, *ng);
 }
@@ -125,5 +126,6 @@ static float3 sphere_sample(global const Shape *s, const float3 from, const floa
 static float sphere_pdf(global const Shape *s, const float3 from, const float3 p, const float3 ng, const float3 wi)
 {
     const float sin2_max = sphere_sin2(xyz(s->center) - from, s->center.w);
-    return sin2_max > 0.0f ? 0.15915494309f / versine(sin2_max) : density_by_area(from, p, ng, sphere_area(s->center.w));
+    return sin2_max > 0.0f ? ONE_OVER_TWO_PI / versine(sin2_max)
+                           : density_by_area(from, p, ng, sphere_area(s->center.w));
 }

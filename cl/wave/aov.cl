@@ -4,6 +4,7 @@
 #include "base/camera.cl"
 #include "accel/traverse.cl"
 #include "dispatch/material.cl"
+#include "wave/path.cl"
 
 // What lies under each pixel's centre: albedo and depth, normal, position and object. One ray a pixel, free of noise.
 // Race rule: every item owns its pixel. On a miss the object is NONE and the depth infinite.
@@ -20,7 +21,7 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
     const uint pixel = first_pixel + i;
     const float2 center = (float2)((float)(pixel % settings->width) + 0.5f, (float)(pixel / settings->width) + 0.5f);
     Ray ray = camera_ray(camera, center, (float2)(0.5f));
-    ray.direction.w = 3.0e38f;
+    ray.direction.w = T_MAX_FREE;
     const Hit hit = trace_closest(g, ray);
     if (hit.prim == NONE) {
         albedo_depth[i] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);

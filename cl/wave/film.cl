@@ -4,13 +4,10 @@
 // Adds the samples of a chunk to its pixels, each pixel by one item and in the order of sample numbers, as two-float
 // sums: no atomics, and the same bits whatever the wave size. Non-finite and negative samples are left out and counted.
 //
-// Error without a reference: whenever the number of samples reaches a power of two, the difference of the two halves'
-// means is kept (squared, with that of the power before). Every half of an Owen-scrambled sequence is a scrambled
-// net itself, so with variance falling like n^-a the expected square is 4 (2^a - 1) times the variance of the mean;
-// the ratio of two successive squares gives 2^a (the host pools it over pixels).
-
-#define HEALTH_NON_FINITE 0
-#define HEALTH_NEGATIVE 1
+// Error without a reference: at every power of two the squared difference of the two halves' means is taken. Halves of
+// an Owen-scrambled sequence are scrambled sequences themselves, so with V(n) the variance of a mean of n samples,
+// E[D(n)^2] = 4 (V(n/2) - V(n)), and D(n)^2 + D(n/2)^2 estimates 4 (V(n/4) - V(n)). The sampler is a net in all its
+// dimensions at powers of four only, where that sum is kept, with the one before: their ratio is V(n/4) / V(n).
 
 typedef struct {
     float3 hi;
@@ -39,17 +36,32 @@ static int finite3(const float3 v)
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
+// rows: 0 = D(n)^2 + D(n/2)^2 at the last power of four (w = n), 1 = the same at the one before, 2 = D^2 in waiting.
+static void keep_difference(global float4 *rows, const float3 squared, const uint n)
+{
+    const int power_of_four = (n & 0x55555555u) != 0u;
+    if (n == 1u) {
+        return;
+    }
+    if (power_of_four) {
+        rows[1] = rows[0];
+        rows[0] = make4(squared + xyz(rows[2]), (float)n);
+    } else {
+        rows[2] = make4(squared, (float)n);
+    }
+}
+
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void film(global const Settings *settings, const uint first_tile, const uint tiles, const uint first_sample,
                  const uint samples_in_chunk, global const float4 *samples, global float4 *sum_hi,
-                 global float4 *sum_lo, global float4 *half_sum, global float4 *difference, global uint *health)
+                 global float4 *sum_lo, global float4 *half_sum, global float4 *differences, global uint *health)
 {
     const uint i = (uint)get_global_id(0);
-    const uint lane = i & 63u;
-    const uint local_tile = i >> 6;
+    const uint lane = i % TILE;
+    const uint local_tile = i / TILE;
     const uint tile = first_tile + local_tile;
-    const uint x = (tile % settings->tiles_x) * 8u + (lane & 7u);
-    const uint y = (tile / settings->tiles_x) * 8u + (lane >> 3);
+    const uint x = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
+    const uint y = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
     if (local_tile >= tiles || x >= settings->width || y >= settings->height) {
         return;
     }
@@ -60,26 +72,23 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
     uint valid = bits_of(sum_hi[pixel].w);
     float hits = sum_lo[pixel].w;
     for (uint s = 0; s < samples_in_chunk; s++) {
-        const float4 sample = samples[(local_tile * samples_in_chunk + s) * 64u + lane];
+        const float4 sample = samples[(local_tile * samples_in_chunk + s) * TILE + lane];
         const float3 value = xyz(sample);
         const int finite = finite3(value);
         const int negative = finite && (value.x < 0.0f || value.y < 0.0f || value.z < 0.0f);
         if (finite && !negative) {
             sum = add_to(sum, value);
+            hits += sample.w > 0.0f ? 1.0f : 0.0f;
             valid++;
         } else {
             atomic_inc(health + (finite ? HEALTH_NEGATIVE : HEALTH_NON_FINITE));  // integers: order cannot matter
         }
-        hits += sample.w > 0.0f ? 1.0f : 0.0f;
         const uint n = first_sample + s + 1u;
         if ((n & (n - 1u)) == 0u) {
-            const float4 before = half_sum[pixel];
-            const float3 now = sum.hi + sum.lo;
-            const float3 step = (((sum.hi - xyz(before)) + sum.lo) - xyz(before)) * (2.0f / (float)n);
-            const float4 latest = difference[2ul * pixel];
-            difference[2ul * pixel + 1ul] = latest;
-            difference[2ul * pixel] = make4(n > 1u ? step * step : (float3)(0.0f), (float)n);
-            half_sum[pixel] = make4(now, 0.0f);
+            const float3 before = xyz(half_sum[pixel]);
+            const float3 step = (((sum.hi - before) + sum.lo) - before) * (2.0f / (float)n);
+            keep_difference(differences + 3ul * pixel, step * step, n);
+            half_sum[pixel] = make4(sum.hi + sum.lo, 0.0f);
         }
     }
     sum_hi[pixel] = make4(sum.hi, float_of(valid));

@@ -4,20 +4,17 @@
 // first and stored without branches: no atomics, so order and picture never depend on timing, and it is several
 // times faster than an atomic an item on CPUs.
 
-#define CHUNK 1024u
-#define EDGE_BINS 16u  // path edges 1..15 apart, 16 and more together
-// counters: 0 = alive, 1 = shadow, 16.. = alive by edges, 32.. = shadow by edges
-#define COUNTER_EDGES 16u
+// counters: alive, shadow, then both by path edges
 
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void partition_count(const uint count, global const uint *status, global uint *chunk_counts)
 {
     const uint chunk = (uint)get_global_id(0);
-    const uint first = chunk * CHUNK;
+    const uint first = chunk * PARTITION_CHUNK;
     if (first >= count) {
         return;
     }
-    const uint end = first + CHUNK < count ? first + CHUNK : count;
+    const uint end = first + PARTITION_CHUNK < count ? first + PARTITION_CHUNK : count;
     uint bins[2 * EDGE_BINS];
     for (uint b = 0; b < 2u * EDGE_BINS; b++) {
         bins[b] = 0u;
@@ -44,7 +41,7 @@ kernel void partition_scan(const uint count, global uint *chunk_counts, global u
     }
     uint alive = 0u;
     uint shadow = 0u;
-    const uint chunks = (count + CHUNK - 1u) / CHUNK;
+    const uint chunks = (count + PARTITION_CHUNK - 1u) / PARTITION_CHUNK;
     for (uint c = 0; c < chunks; c++) {
         global uint *bins = chunk_counts + c * 2u * EDGE_BINS;
         const uint alive_before = alive;
@@ -74,11 +71,11 @@ kernel void partition_scatter(const uint count, const uint capacity, global cons
                               global uint *next_queue, global uint *shadow_queue)
 {
     const uint chunk = (uint)get_global_id(0);
-    const uint first = chunk * CHUNK;
+    const uint first = chunk * PARTITION_CHUNK;
     if (first >= capacity) {
         return;
     }
-    const uint end = first + CHUNK < capacity ? first + CHUNK : capacity;
+    const uint end = first + PARTITION_CHUNK < capacity ? first + PARTITION_CHUNK : capacity;
     const uint used = end < count ? end : count;
     uint i = first;
     if (first < count) {

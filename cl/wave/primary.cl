@@ -21,12 +21,12 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     }
     const uint slot = queue[queue_first + i];
     const uint item = first_item + i;
-    const uint lane = item & 63u;
-    const uint group = item >> 6;
+    const uint lane = item % TILE;
+    const uint group = item / TILE;
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
-    const uint x = (tile % settings->tiles_x) * 8u + (lane & 7u);
-    const uint y = (tile / settings->tiles_x) * 8u + (lane >> 3);
+    const uint x = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
+    const uint y = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
     const int inside = x < settings->width && y < settings->height;
     const uint pixel = y * settings->width + x;
     const Sampler sampler = sampler_of(settings->seed, pixel, sample);

@@ -44,7 +44,12 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
     samples[path.x] += make4(emission_seen(lights, g, objects, vertex, ray, hit, path.y, state), 1.0f);
-    if (edge >= settings->max_depth || vertex.material->kind == MATERIAL_EMISSIVE) {
+#if HAS_LOCAL
+    const int last = 0;  // reflection_depth alone ends these paths
+#else
+    const int last = edge >= settings->max_depth;
+#endif
+    if (last || vertex.material->kind == MATERIAL_EMISSIVE) {
         return;
     }
     const Sampler sampler = sampler_of(settings->seed, path.z, path.w);

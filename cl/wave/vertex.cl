@@ -118,6 +118,9 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
     ShadowRay out;
     out.valid = 0;
 #if HAS_LIGHTS
+    if (settings->light_count == 0u) {
+        return out;
+    }
     float pick_pdf;
     const uint index = pick_light(lights, settings->light_count, u.zw, &pick_pdf);
     const LightSample light = light_sample(lights + index, g, v->surface.p, u.xy);
@@ -167,13 +170,15 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     }
     float3 onward = throughput * bsdf.weight;
     const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
+#if !HAS_LOCAL
     if (settings->roulette_start != 0u && edge >= settings->roulette_start) {
-        const float survival = min_of(strongest, 0.95f);
+        const float survival = max_of(min_of(strongest, 0.95f), 9.5367432e-7f);  // 2^-20: u has 24 bits
         if (!(u.w < survival)) {
             return out;
         }
         onward = onward * (1.0f / survival);
     }
+#endif
     out.state = make4(onward, bsdf.pdf);
     out.ray.origin = make4(spawn_origin(&v->surface, wi), float_of(v->surface.prim));
     out.ray.direction = make4(wi, T_MAX_FREE);

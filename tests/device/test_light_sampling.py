@@ -84,7 +84,7 @@ def emitter(prim: int, two_sided: bool = False) -> np.ndarray:
 def shape(kind: str, center: Any, axes: Any) -> np.ndarray:
     """A record from center and half axes (rows); radius = length of the first."""
     row, axes = np.zeros(1, RECORDS["Shape"].dtype), np.asarray(axes, float)
-    row["kind"], row["light"] = kind_number("shape", kind), 0
+    row["kind"] = kind_number("shape", kind)
     row["center"][0, :3], row["center"][0, 3] = center, np.linalg.norm(axes[0])
     for name, axis, dual in zip("uvw", axes, np.linalg.inv(axes).T, strict=True):
         row[name][0, :3], row[name][0, 3] = axis, 1 / (axis @ axis)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from oracles_geometry import Mesh, Tracer, features, rays_of, ring_sphere, simple_tree, soup
+from oracles_geometry import Mesh, Tracer, features, mesh, rays_of, ring_sphere, simple_tree, soup
 from raytide.kernels import assemble
 
 
@@ -40,6 +40,18 @@ def test_equal_rays_share_everything_and_scattered_ones_little(device: object) -
         scattered,
         visits(device, geometry, rays_of(np.zeros((1, 3)), np.random.default_rng(51).normal(size=(640, 3))), workers=1),
     )
+
+
+def test_rays_along_an_axis_visit_no_more_than_tilted_ones(device: object) -> None:
+    """Over a bumpy grid, where every box has faces parallel to the ray."""
+    rng = np.random.default_rng(53)
+    x, z = (v.ravel() for v in np.meshgrid(np.arange(64.0), np.arange(64.0), indexing="ij"))
+    cell = (np.arange(63)[:, None] * 64 + np.arange(63)).ravel()
+    faces = np.concatenate([np.stack([cell, cell + 1, cell + 64], 1), np.stack([cell + 1, cell + 65, cell + 64], 1)])
+    grid = mesh(np.stack([x, rng.random(64 * 64), z], 1), faces)
+    origins = np.stack([np.full(640, -1.0), rng.uniform(0.8, 1, 640), rng.integers(1, 63, 640)], 1)
+    along, tilted = (visits(device, grid, rays_of(origins, [d])).sum(axis=0)[:2] for d in ([1, 0, 0], [1, -1e-3, 2e-3]))
+    assert (along <= 3 * tilted).all() and (tilted > 640).all()
 
 
 def test_boxes_are_visited_from_near_to_far(device: object) -> None:

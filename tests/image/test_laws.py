@@ -206,3 +206,100 @@ def test_edits_of_numbers_build_no_kernel(device: Device) -> None:
         renderer.update()
         assert all(renderer.programs[name] is program for name, program in before.items())
         assert not np.array_equal(renderer.render().rgb, first)
+
+
+def test_spot_gives_its_intensity_on_the_axis_and_nothing_beyond_the_cutoff(device: Device) -> None:
+    light = rt.spot((0, 2, 0), target=(0, 0, 0), intensity=8.0, cutoff=20.0, falloff_start=10.0)
+    lit = render(device, down_on_plane(light), spp=1, filter="centre")
+    np.testing.assert_allclose(lit[3:5, 3:5].mean(axis=(0, 1)), np.array((0.6, 0.5, 0.4)) / np.pi * 8 / 4, rtol=1e-3)
+    away = down_on_plane(rt.spot((0, 2, 0), target=(2, 0, 0), intensity=8.0, cutoff=20.0))
+    assert np.all(render(device, away, spp=1) == 0)
+
+
+@pytest.mark.parametrize("lights", ["none", "sky", "point"])
+def test_everything_built_changes_no_bit_where_lights_are_missing(device: Device, lights: str) -> None:
+    scene = looking((0, 2, 6), (0, 1, 0), size=(16, 16))
+    scene.add(rt.sphere((0, 1, 0), 1.0), rt.Diffuse(0.5), name="ball")
+    if lights == "sky":
+        scene.add(rt.sky(0.7), name="sky")
+    if lights == "point":
+        scene.add(rt.point((3, 5, 4), intensity=30.0), name="bulb")
+    plain = render(device, scene, spp=4)
+    assert np.array_equal(render(device, scene, spp=4, everything=True), plain)
+    assert (plain.max() > 0) == (lights != "none")
+
+
+def test_light_of_several_sources_is_the_sum_of_each_alone(device: Device) -> None:
+    """Linearity: sky, lamp and bulb together against three renders; wrong weights of any pair would show."""
+
+    def scene(*present: str) -> rt.Scene:
+        made = looking((0, 2, 6), (0, 1, 0), fov=40, size=(32, 24))
+        made.add(rt.plane(), rt.Diffuse(0.5), name="floor")
+        made.add(rt.sphere((0, 1, 0), 1.0), rt.Glossy(0.5, specular=0.5, roughness=0.3), name="ball")
+        glow = 4.0 if "lamp" in present else 0.0
+        made.add(rt.rect(center=(-2, 3, 1), u=(1, 0, 0), v=(0, 0, 1)), rt.Emit(glow), name="lamp")
+        if "sky" in present:
+            made.add(rt.sky(0.5), name="sky")
+        if "bulb" in present:
+            made.add(rt.point((3, 5, 4), intensity=20.0), name="bulb")
+        return made
+
+    together = render(device, scene("sky", "lamp", "bulb"), spp=512, max_depth=3, roulette_start=0)
+    alone = sum(render(device, scene(name), spp=512, max_depth=3, roulette_start=0) for name in ("sky", "lamp", "bulb"))
+    np.testing.assert_allclose(together.mean(axis=(0, 1)), alone.mean(axis=(0, 1)), rtol=2e-3)
+
+
+def test_thin_lens_keeps_the_plane_of_focus_sharp_and_blurs_the_rest(device: Device) -> None:
+    """A glowing half plane's edge: sharp at the distance of focus, spread by the lens at twice that distance."""
+
+    def edge(distance: float) -> np.ndarray:
+        scene = rt.Scene(camera=rt.ThinLens(origin=(0, 0, 0), target=(0, 0, -1), fov=20, size=(33, 5),
+                                            aperture=0.05, focus=2.0))  # fmt: skip
+        scene.add(rt.rect(center=(5, 0, -distance), u=(5, 0, 0), v=(0, 5, 0)), rt.Emit(1.0), name="lit")
+        return render(device, scene, spp=256, filter="centre")[2, :, 0]
+
+    sharp, blurred = edge(2.0), edge(4.0)
+    assert np.count_nonzero((sharp > 0.01) & (sharp < 0.99)) <= 1
+    half_width = 0.05 * (1 / 2 - 1 / 4)  # of the blur on the image plane at distance 1
+    pixel = 2 * np.tan(np.radians(10)) / 5
+    x = (np.arange(33) - 16) * pixel / half_width
+    share = 0.5 + (np.clip(x, -1, 1) * np.sqrt(1 - np.clip(x, -1, 1) ** 2) + np.arcsin(np.clip(x, -1, 1))) / np.pi
+    np.testing.assert_allclose(blurred, share, atol=0.02)
+
+
+def test_orthographic_camera_shows_true_sizes(device: Device) -> None:
+    scene = rt.Scene(camera=rt.Orthographic(origin=(0, 0, 5), target=(0, 0, 0), height=4.0, size=(16, 8)))
+    scene.add(rt.rect(center=(2, 1, 0), u=(1, 0, 0), v=(0, 0.5, 0)), rt.Emit(1.0), name="lit")
+    image = render(device, scene, spp=1, filter="centre")[..., 0]
+    expected = np.zeros((8, 16))
+    expected[1:3, 10:14] = 1  # x 1..3 of -4..4, y 0.5..1.5 of 2..-2
+    assert np.array_equal(image, expected)
+
+
+def test_filters_spread_an_edge_as_their_weights_do(device: Device) -> None:
+    """A vertical edge through a pixel boundary: the box keeps it, the Gaussian (sigma 0.5) gives its distribution."""
+    from math import erf
+
+    scene = rt.Scene(camera=rt.Orthographic(origin=(0, 0, 5), target=(0, 0, 0), height=4.0, size=(8, 4)))
+    scene.add(rt.rect(center=(10, 0, 0), u=(10, 0, 0), v=(0, 10, 0)), rt.Emit(1.0), name="lit")
+    box = render(device, scene, spp=64)[2, :, 0]
+    assert np.array_equal(box, [0, 0, 0, 0, 1, 1, 1, 1])
+    gaussian = render(device, scene, spp=1024, filter="gaussian")[2, :, 0]
+    at = np.arange(8) - 3.5
+    np.testing.assert_allclose(gaussian, [0.5 + 0.5 * erf(x / 0.5 / np.sqrt(2)) for x in at], atol=3e-3)
+
+
+def test_alpha_is_the_covered_share_of_a_pixel(device: Device) -> None:
+    scene = rt.Scene(camera=rt.Orthographic(origin=(0, 0, 5), target=(0, 0, 0), height=2.0, size=(2, 2)))
+    scene.add(rt.rect(center=(0.25, 0, 0), u=(0.25, 0, 0), v=(0, 2, 0)), rt.Diffuse(0.5), name="half")
+    with rt.Renderer(scene, device, spp=64) as renderer:
+        np.testing.assert_allclose(renderer.render().alpha, [[0, 0.5], [0, 0.5]], atol=1e-6)
+
+
+def test_local_integrator_counts_mirrors_by_its_own_depth_without_roulette(device: Device) -> None:
+    scene = looking((0, 1, 0), (1, 0, 0), fov=0.5, size=(2, 2))
+    for y, name in ((0, "low"), (2, "high")):
+        scene.add(rt.rect(center=(0, y, 0), u=(20, 0, 0), v=(0, 0, -20)), rt.Mirror(0.9), name=name)
+    scene.add(rt.sky(1.0), name="sky")
+    image = render(device, scene, integrator="local", reflection_depth=12, spp=1)
+    np.testing.assert_allclose(image, 0.9**10, rtol=1e-5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,15 +53,13 @@ def test_source_has_only_the_files_a_scene_needs() -> None:
     assert len(files) == len(set(files))
 
 
-def test_values_never_change_a_source_and_kinds_do() -> None:
-    text = assemble("wave/shade.cl", FEATURES).sha256
-    assert assemble("wave/shade.cl", replace(FEATURES)).sha256 == text
+def test_every_switch_changes_the_source() -> None:
     flipped = [
         assemble("wave/shade.cl", replace(FEATURES, **{field.name: not getattr(FEATURES, field.name)})).sha256
         for field in fields(Features)
         if field.type == "bool"
     ]
-    assert text not in flipped and len(set(flipped)) == len(flipped)
+    assert assemble("wave/shade.cl", FEATURES).sha256 not in flipped and len(set(flipped)) == len(flipped)
 
 
 def test_line_marks_name_every_file() -> None:
@@ -69,9 +68,14 @@ def test_line_marks_name_every_file() -> None:
         assert f'#line 1 "{name}"' in source.text
 
 
-def test_include_cycle_and_missing_file_are_errors() -> None:
+def test_missing_file_and_include_cycle_are_errors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(FileNotFoundError):
         assemble("", FEATURES, '#include "base/nowhere.cl"\n')
+    (tmp_path / "a.cl").write_text('#include "b.cl"\n')
+    (tmp_path / "b.cl").write_text('#include "a.cl"\n')
+    monkeypatch.setattr("raytide.kernels.source.kernel_dir", lambda: tmp_path)
+    with pytest.raises(ValueError, match="cycle: a.cl -> b.cl -> a.cl"):
+        assemble("a.cl", FEATURES)
 
 
 def test_kind_numbers_are_places_in_the_folder_listing() -> None:

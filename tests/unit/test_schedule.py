@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from raytide.errors import UsageError
+from raytide.kernels.constants import TILE
 from raytide.kernels.records import RECORDS
 from raytide.render.error import estimate, tile_means
 from raytide.render.lights import _alias_table
-from raytide.render.schedule import LARGEST_PASS, TILE, chunks, passes, plan_waves
+from raytide.render.schedule import LARGEST_PASS, chunks, passes, plan_waves
 
 
 @pytest.mark.parametrize("spp", [1, 2, 3, 7, 64, 100, 1000])
@@ -61,41 +62,61 @@ def test_alias_table_gives_the_probabilities_it_states() -> None:
     np.testing.assert_allclose(stated, share, rtol=1e-4)
 
 
-def halves(slope: float, n: int, pixels: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means of n samples, and squared half differences at n and n / 2, of Gaussian errors whose variance falls like
-    n^-slope. Quarter means are equally correlated within a half as the halves are with each other."""
-    variance = {m: float(m) ** -slope for m in (n, n // 2, n // 4)}
+@pytest.mark.parametrize("done", [1, 3, 5, 33, 63])
+def test_passes_go_on_from_any_count(done: int) -> None:
+    ranges = list(passes(200, done))
+    assert ranges[0][0] == done and sum(count for _, count in ranges) == 200 - done
+    assert {2**k for k in range(8) if done < 2**k <= 200} <= {first + count for first, count in ranges}
 
-    def split(mean: np.ndarray, m: int) -> tuple[np.ndarray, np.ndarray]:
-        difference = rng.normal(size=pixels) * np.sqrt(4 * (variance[m // 2] - variance[m]))
-        return mean + difference / 2, mean - difference / 2
 
+def dyadic_differences(
+    variance: dict[int, float], n: int, pixels: int, rng: np.random.Generator
+) -> dict[int, np.ndarray]:
+    """Means of n samples (key 1) and squared half differences at n, n/2, n/4, n/8 of Gaussian errors: halves of every
+    length m have the variance `variance[m]`, whatever their correlation."""
     mean = rng.normal(size=pixels) * np.sqrt(variance[n])
-    first, second = split(mean, n)
-    quarter, other = split(first, n // 2)
-    return mean, (second - first) ** 2, (other - quarter) ** 2
+    out = {1: mean}
+    for m in (n, n // 2, n // 4, n // 8):
+        difference = rng.normal(size=pixels) * np.sqrt(4 * (variance[m // 2] - variance[m]))
+        out[m] = difference**2
+        mean = mean - difference / 2  # the first half
+    return out
 
 
-@pytest.mark.parametrize("slope", [1.0, 1.3, 1.6, 2.0])
-def test_estimate_finds_the_variance_of_nested_nets(slope: float) -> None:
-    n, shape = 64, (96, 96, 3)
-    mean, now, before = halves(slope, n, int(np.prod(shape)), np.random.default_rng(11))
-    image = (1.0 + 1e-3 * mean).reshape(shape)
-    found = estimate(image, 1e-6 * now.reshape(shape), 1e-6 * before.reshape(shape), n, n)
+@pytest.mark.parametrize("spp", [16, 20, 48, 64, 128])
+@pytest.mark.parametrize("zigzag", [1.0, 1.6])
+@pytest.mark.parametrize("slope", [1.0, 1.3, 1.6])
+def test_estimate_finds_the_variance_of_nested_nets(slope: float, zigzag: float, spp: int) -> None:
+    """Also where counts between powers of four do worse than their neighbours, as a net in base 4 does."""
+    at, shape = 4 ** ((spp.bit_length() - 1) // 2), (96, 96, 3)
+    powers = [2**k for k in range(12)]
+    worse = {m: zigzag if m.bit_length() % 2 == 0 and slope > 1.2 else 1.0 for m in powers}
+    variance = {m: 1e-6 * worse[m] * float(m) ** -slope for m in powers}
+    rows = dyadic_differences(variance, at, int(np.prod(shape)), np.random.default_rng(11))
+    now, before = (rows[at] + rows[at // 2]).reshape(shape), (rows[at // 4] + rows[at // 8]).reshape(shape)
+    found = estimate((1.0 + rows[1]).reshape(shape), now, before, spp)
     assert found is not None
-    truth = 1e-6 * n**-slope
-    assert abs(found.relmse / truth - 1) < 0.15
+    truth = variance[at] * at / spp
+    assert abs(found.relmse / truth - 1) < 0.12
     assert abs(found.slope - slope) < 0.1
     assert found.low < truth < found.high
 
 
-def test_nothing_is_claimed_from_one_sample() -> None:
-    assert estimate(np.ones((8, 8, 3)), np.zeros((8, 8, 3)), np.zeros((8, 8, 3)), 1, 1) is None
+def test_nothing_is_claimed_from_fewer_than_four_samples() -> None:
+    assert estimate(np.ones((8, 8, 3)), np.zeros((8, 8, 3)), np.zeros((8, 8, 3)), 3) is None
 
 
-def test_tile_means_weigh_ragged_borders_by_their_own_size() -> None:
+def test_one_bad_pixel_in_a_small_border_tile_weighs_as_one_pixel() -> None:
+    differences = np.zeros((9, 9, 3))
+    differences[8, 8] = 1.0
+    found = estimate(np.ones((9, 9, 3)), differences, differences * 4, 16)
+    assert found is not None
+    np.testing.assert_allclose(found.relmse, 1 / 81 / 12 / (1 + 1e-4), rtol=1e-6)
+
+
+def test_tile_means_know_the_pixels_of_ragged_borders() -> None:
     image = np.arange(10 * 11, dtype=float).reshape(10, 11)
-    tiles = tile_means(image)
-    assert tiles.shape == (4,)
-    np.testing.assert_allclose(tiles[0], image[:8, :8].mean())
-    np.testing.assert_allclose(tiles[3], image[8:, 8:].mean())
+    means, pixels = tile_means(image)
+    assert list(pixels) == [64, 24, 16, 6]
+    np.testing.assert_allclose(means[0], image[:8, :8].mean())
+    np.testing.assert_allclose(np.sum(means * pixels) / 110, image.mean())

@@ -23,6 +23,7 @@ COMMANDS = {
     "scene": ("raytide.cli.scene:app", "Check, describe and convert scene files."),
     "devices": ("raytide.cli.devices:devices", "List the OpenCL devices."),
     "doctor": ("raytide.cli.doctor:doctor", "Check drivers, devices and caches, and tell what mends them."),
+    "bench": ("raytide.cli.bench:bench", "Measure how fast a device traces rays."),
     "cache": ("raytide.cli.cache:app", "Show or clear the kernel cache."),
 }
 INTERRUPTED = 130

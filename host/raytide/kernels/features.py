@@ -50,11 +50,6 @@ class Features:
     def material_kinds(self) -> tuple[str, ...]:
         return tuple(kind for kind, _ in self.materials)
 
-    @property
-    def delta(self) -> bool:
-        """Some material reflects or refracts in single directions."""
-        return any(kind in self.material_kinds for kind in ("mirror", "dielectric", "glossy", "rough_conductor"))
-
     def switches(self) -> dict[str, bool]:
         """Every switch by name, HAS_ left away; all are always defined as 0 or 1."""
         on = {field.name: bool(getattr(self, field.name)) for field in fields(self) if field.type == "bool"}

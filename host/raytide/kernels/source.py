@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from raytide.kernels import dispatch
+from raytide.kernels import constants, dispatch
 from raytide.kernels.features import Features, kinds
 from raytide.kernels.paths import kernel_dir
 from raytide.kernels.records import NONE, c_text
@@ -54,7 +54,8 @@ def _prelude(features: Features) -> str:
         for number, kind in enumerate(kinds(group))
     )
     pragma = "#pragma OPENCL FP_CONTRACT OFF\n"
-    return f"{pragma}{switches}{numbers}#define NONE 0x{NONE:x}u\n\n{c_text()}\n{dispatch.parameters_text(features)}\n"
+    numbers += f"#define NONE 0x{NONE:x}u\n{constants.c_text()}"
+    return f"{pragma}{switches}{numbers}\n{c_text()}\n{dispatch.parameters_text(features)}\n"
 
 
 def _paste(name: str, features: Features, files: list[str], chain: tuple[str, ...]) -> str:

@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from raytide.device import Buffer, Program
+from raytide.errors import UsageError
+from raytide.kernels.constants import TILE
 from raytide.kernels.source import assemble
 from raytide.render.waves import RayCounts
 
 if TYPE_CHECKING:
     from raytide.render.renderer import Renderer
 
-GROUP = 64  # rays
+GROUP = TILE  # rays
 SEGMENTS, SEGMENT_GROUPS = 8, 32  # groups measured of a wave: spread over its queue, in runs
 
 
@@ -28,14 +30,17 @@ def measure_coherence(renderer: Renderer) -> dict[str, dict[str, Any]]:
     `nodes_per_group` and `leaves_per_group`; `sharing` is visits by rays over different nodes: 1 where neighbours
     share nothing, 64 where they agree in everything. The film and the figures of the render stay as they are.
     """
+    waves, frame = renderer.waves, renderer.frame
+    if waves is None or frame is None:
+        raise UsageError("this renderer is closed; make another one")
     observer = _Observer(renderer)
-    counted, renderer.waves.rays = renderer.waves.rays, RayCounts()
-    renderer.waves.observe = observer
+    counted, waves.rays = waves.rays, RayCounts()
+    waves.observe = observer
     try:
-        chunk = (0, min(renderer.tiles, renderer.plan.capacity // GROUP), 0, 1)
-        renderer.waves.run(chunk, lambda: False)
+        chunk = (0, min(frame.tiles, renderer.plan.capacity // GROUP), 0, 1)
+        waves.run(chunk, lambda: False)
     finally:
-        renderer.waves.observe, renderer.waves.rays = None, counted
+        waves.observe, waves.rays = None, counted
         renderer.device.take_times()
     found = observer.found.items()
     return {label: {order: _figures(rows) for order, rows in orders.items()} for label, orders in found}

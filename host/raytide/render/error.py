@@ -1,9 +1,13 @@
 """How wrong a picture is, without a reference.
 
-Each pixel keeps the squared difference of its two halves' means at the last two powers of two samples. Halves of an
-Owen-scrambled Sobol sequence are scrambled nets themselves. With variance V(n) falling like n^-a,
-E[difference^2] = 4 (2^a - 1) V(n), and the ratio of two successive squares, pooled over the picture, gives 2^a: no
-sample is spent on the estimate, and none of what low-discrepancy sampling wins is lost.
+Each pixel keeps Q(n) = D(n)^2 + D(n/2)^2 at the last two powers of four, D(n) being the difference of the means of the
+two halves of its n samples. With V(n) the variance of a mean of n samples, halves of an Owen-scrambled sequence being
+scrambled sequences themselves, E[D(n)^2] = 4 (V(n/2) - V(n)), so
+
+    E[Q(n)] = 4 (V(n/4) - V(n)) = 4 (r - 1) V(n)        r = V(n/4) / V(n), estimated by Q(n/4) / Q(n)
+
+pooled over the picture. No sample is spent on the estimate. Powers of four, because only there the sampler is a net in
+all its dimensions: a ratio over one octave would take its zigzag for a slope.
 """
 
 from __future__ import annotations
@@ -12,9 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SMALLEST_RATIO, LARGEST_RATIO = 2.0, 8.0  # a = 1: plain Monte Carlo; a = 3: smooth integrands
+SMALLEST_RATIO, LARGEST_RATIO = 4.0, 64.0  # r: plain Monte Carlo; smooth integrands
 FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 BLOCK = 8  # pixels; a tile is the unit whose spread gives the band
+DOUBT, EARLY_DOUBT = 0.25, 1.0  # relative: what the extrapolation does not know, from 16 samples on and before
 
 
 @dataclass(frozen=True)
@@ -29,34 +34,43 @@ class ErrorEstimate:
     variance: np.ndarray  # (h, w, 3) float32, radiance^2
 
     def as_dict(self) -> dict[str, float]:
-        return {"relmse": self.relmse, "relmse_low": self.low, "relmse_high": self.high, "rmse": self.rmse,
-                "slope": self.slope}  # fmt: skip
+        return {
+            "relmse": self.relmse,
+            "relmse_low": self.low,
+            "relmse_high": self.high,
+            "rmse": self.rmse,
+            "slope": self.slope,
+        }
 
 
-def estimate(mean: np.ndarray, difference: np.ndarray, before: np.ndarray, at: int, spp: int) -> ErrorEstimate | None:
+def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> ErrorEstimate | None:
     """Error of `mean` (h, w, 3) after `spp` samples a pixel.
 
-    `difference`, `before`: squared half differences (h, w, 3) at `at` samples and at `at / 2`. None below 2 samples,
-    where nothing can be known. Between powers of two the variance is taken to fall like 1/n, which is cautious.
+    `now`, `before`: Q (h, w, 3) at the largest power of four up to `spp`, and at the one before. None below 4 samples,
+    where nothing can be known. Beyond the power of four the variance is taken to fall like 1/n, which is cautious.
     """
-    if at < 2:
+    if spp < 4:
         return None
+    at = 4 ** ((spp.bit_length() - 1) // 2)
     denominator = mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2
-    relative, relative_before = difference / denominator, before / denominator
-    ratio = _pooled_ratio(relative, relative_before) if at >= 4 else SMALLEST_RATIO
+    relative = now / denominator
+    ratio = _pooled_ratio(relative, before / denominator) if at >= 16 else SMALLEST_RATIO
     factor = at / spp / (4.0 * (ratio - 1.0))
-    tiles = tile_means(relative.mean(axis=2))
-    value = float(tiles.mean()) * factor
-    spread = float(tiles.std(ddof=1)) / np.sqrt(len(tiles)) * factor if len(tiles) > 1 else value
-    ratio_doubt = value * 0.25  # how far the extrapolation missed over the shipped scenes (docs/error.md)
-    half_band = 1.96 * float(np.hypot(spread, ratio_doubt))
-    variance = smooth(difference * factor)
-    rmse = float(np.sqrt(np.mean(difference) * factor))
-    return ErrorEstimate(value, max(0.0, value - half_band), value + half_band, rmse, float(np.log2(ratio)), variance)
+    value = float(relative.mean()) * factor
+    spread = _standard_error(relative.mean(axis=2)) * factor
+    half_band = 1.96 * float(np.hypot(spread, value * (DOUBT if at >= 16 else EARLY_DOUBT)))
+    return ErrorEstimate(
+        relmse=value,
+        low=max(0.0, value - half_band),
+        high=value + half_band,
+        rmse=float(np.sqrt(np.mean(now) * factor)),
+        slope=float(np.log2(ratio)) / 2,
+        variance=smooth(now * factor),
+    )
 
 
 def _pooled_ratio(now: np.ndarray, before: np.ndarray) -> float:
-    """2^a from all pixels together. Pixels that rule the sum are cut at a high quantile, in both sums alike."""
+    """r from all pixels together. Pixels that rule the sum are cut at a high quantile, in both sums alike."""
     a, b = now.sum(axis=2).ravel(), before.sum(axis=2).ravel()
     keep = a + b <= np.quantile(a + b, 0.999)
     total = float(a[keep].sum())
@@ -64,19 +78,32 @@ def _pooled_ratio(now: np.ndarray, before: np.ndarray) -> float:
     return float(np.clip(ratio, SMALLEST_RATIO, LARGEST_RATIO))
 
 
-def tile_means(image: np.ndarray, size: int = BLOCK) -> np.ndarray:
-    """Means over tiles of `size` x `size` pixels (h, w) -> (tiles,); ragged borders count as tiles of their own."""
+def _standard_error(image: np.ndarray) -> float:
+    """Standard error of the mean of (h, w), from the spread of tiles weighted by their pixels; with a single tile,
+    the mean itself."""
+    means, weights = tile_means(image)
+    if len(means) < 2:
+        return float(image.mean())
+    share = weights / weights.sum()
+    spread = np.sum(share**2 * (means - image.mean()) ** 2)
+    return float(np.sqrt(spread * len(means) / (len(means) - 1)))
+
+
+def tile_means(image: np.ndarray, size: int = BLOCK) -> tuple[np.ndarray, np.ndarray]:
+    """Means of (h, w) over tiles of `size` x `size` pixels, and the pixels of each: both (tiles,). Ragged borders are
+    tiles of their own."""
     rows = np.arange(0, image.shape[0], size)
     columns = np.arange(0, image.shape[1], size)
     sums = np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)
     heights = np.diff(np.append(rows, image.shape[0]))
     widths = np.diff(np.append(columns, image.shape[1]))
-    return (sums / (heights[:, None] * widths[None, :])).ravel()
+    pixels = heights[:, None] * widths[None, :]
+    return (sums / pixels).ravel(), pixels.ravel()
 
 
 def smooth(image: np.ndarray) -> np.ndarray:
-    """Mean over each pixel's 3x3 neighbours: one pixel's squared difference alone is a guess with one degree of
-    freedom."""
+    """Mean over each pixel's 3x3 neighbours: one pixel's squared difference alone is a guess with one or two degrees
+    of freedom."""
     padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
     h, w = image.shape[:2]
     shifted = [padded[y : y + h, x : x + w] for y in range(3) for x in range(3)]

@@ -19,22 +19,36 @@ SUFFIXES = (".exr", ".png")
 
 @dataclass(frozen=True)
 class FilmData:
-    """Film buffers as read from the device; all (h, w, 4) float32, `difference` (h, w, 2, 4)."""
+    """Film buffers as read from the device: sums (h, w, 4) float32, differences (h, w, 3, 4), and the samples left
+    out by cause."""
 
     sum_hi: np.ndarray
     sum_lo: np.ndarray
-    difference: np.ndarray
+    differences: np.ndarray
+    health: dict[str, int]
 
 
 @dataclass
 class Film:
-    """A picture after `spp` samples a pixel. Arrays have the top row first."""
+    """A picture after `spp` samples a pixel. Arrays have the top row first.
 
-    data: FilmData
+    It is read from the device when it is first looked at, and before the device goes on, so that it stays as it was.
+    A render that was interrupted has pixels with more samples than `spp`: see `samples`.
+    """
+
     spp: int
-    stats: dict[str, object] = field(default_factory=dict)
-    header: Callable[[], Mapping[str, object]] = dict
-    layer_source: Callable[[], Mapping[str, np.ndarray]] = dict
+    figures: dict[str, object]
+    provenance: Mapping[str, object]
+    read: Callable[[], FilmData] | None
+    read_layers: Callable[[], Mapping[str, np.ndarray]] = dict
+    saturated: int = field(default=0, init=False)  # values clamped by the last save with half=True
+
+    @cached_property
+    def data(self) -> FilmData:
+        """What the device holds; afterwards the film needs it no more, except for layers."""
+        assert self.read is not None
+        data, self.read = self.read(), None
+        return data
 
     @cached_property
     def samples(self) -> np.ndarray:
@@ -54,15 +68,24 @@ class Film:
 
     @cached_property
     def error(self) -> ErrorEstimate | None:
-        """Estimated error; None below 2 samples a pixel."""
-        at = 1 << (self.spp.bit_length() - 1) if self.spp else 0
-        now, before = self.data.difference[..., 0, :3], self.data.difference[..., 1, :3]
-        return estimate(self.rgb, now, before, at, self.spp)
+        """Estimated error; None below 4 samples a pixel."""
+        now, before = self.data.differences[..., 0, :3], self.data.differences[..., 1, :3]
+        return estimate(self.rgb, now, before, self.spp)
 
     @property
     def variance(self) -> np.ndarray:
-        """Variance of each pixel's mean (h, w, 3) float32; NaN below 2 samples a pixel."""
+        """Variance of each pixel's mean (h, w, 3) float32; NaN below 4 samples a pixel."""
         return self.error.variance if self.error else np.full_like(self.rgb, np.nan)
+
+    @property
+    def health(self) -> dict[str, int]:
+        """Samples left out of the picture, by cause."""
+        return self.data.health
+
+    @property
+    def stats(self) -> dict[str, object]:
+        """Samples, seconds, rays, Mrays/s, device, and the estimated relMSE (None where unknown)."""
+        return {**self.figures, "error": self.error.relmse if self.error else None}
 
     def layers(self, names: Sequence[str] = LAYERS) -> dict[str, np.ndarray]:
         """Named layers beside the picture. UsageError lists the names for an unknown one."""
@@ -71,7 +94,7 @@ class Film:
                 raise UsageError(f"layer: came {name!r}; wanted one of {', '.join(LAYERS)}")
         known: dict[str, np.ndarray] = {"samples": self.samples, "variance": self.variance}
         if any(name not in known for name in names):
-            known |= self.layer_source()
+            known |= self.read_layers()
         return {name: known[name] for name in names}
 
     def save(
@@ -94,14 +117,19 @@ class Film:
         if suffix == ".png":
             image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text={"Software": "raytide"})
         elif suffix == ".exr":
-            beauty = np.dstack((self.rgb, self.alpha))
-            header = dict(self.header()) | image.capture_date()
-            written = image.write_exr(
-                path, {"beauty": beauty} | self.layers(aovs), header, half=half, no_clobber=no_clobber
-            )
-            self.stats["half_saturated"] = written.saturated
+            parts = {"beauty": np.dstack((self.rgb, self.alpha))} | self.layers(aovs)
+            written = image.write_exr(path, parts, self.header(), half=half, no_clobber=no_clobber)
+            self.saturated = written.saturated
         else:
             raise UsageError(f"{path}: came the suffix {suffix!r}; wanted one of {', '.join(SUFFIXES)}")
+
+    def header(self) -> dict[str, object]:
+        """Attributes of the EXR file: where the picture comes from, how far it can be trusted, and the date."""
+        from raytide import image
+
+        own = dict(self.provenance.get("raytide", {}))  # type: ignore[call-overload]
+        own |= {"error": self.error.as_dict() if self.error else None, "excluded_samples": self.health}
+        return {**self.provenance, "raytide": own, **image.capture_date()}
 
     def _repr_png_(self) -> bytes:
         from raytide import image

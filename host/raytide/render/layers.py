@@ -17,7 +17,8 @@ BACKGROUND = 0  # object_id of pixels that see nothing; objects count from 1 in 
 
 def render_layers(renderer: Renderer) -> dict[str, np.ndarray]:
     """Layers of a render, top row first: albedo, normal, position (h, w, 3) and depth (h, w) float32, object_id
-    (h, w) uint32. Position is in world space; depth is the distance from the eye, infinite where nothing is hit."""
+    (h, w) uint32. Position is in world space; depth is the distance along the
+    pixel's ray, infinite where nothing is hit."""
     device, flat = renderer.device, renderer.flat
     program = renderer.program(AOV)
     width, height = flat.camera.size

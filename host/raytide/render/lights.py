@@ -47,8 +47,6 @@ def pack_lights(
         rows["radiance"][:, :3] = radiance["radiance"]
         rows["extra"][:, 0] = radiance["two_sided"][0]
         objects[index]["light"] = count
-        if thing.shape >= 0:
-            geometry.shapes[planes_first.index(thing.shape)]["light"] = count
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
         importance.append(_LUMINANCE @ radiance["radiance"] * areas / np.maximum(distance2, areas))
         groups.append(np.full(len(prims), len(flat.lights) + index))

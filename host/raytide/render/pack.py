@@ -100,7 +100,6 @@ def _geometry(flat: FlatScene, origin: np.ndarray, planes_first: list[int]) -> F
         shape, row = flat.shapes[j], shapes[place]
         row["kind"] = kind_number("shape", shape.kind)
         row["object"] = shape.object
-        row["light"] = NONE
         row["center"][:3] = shape.center - origin
         for name, axis, dual in zip("uvw", shape.axes, np.linalg.inv(shape.axes).T, strict=True):
             row[name][:3], row[name][3] = axis, 1.0 / (axis @ axis)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import raytide
-from raytide.render.waves import EDGE_BINS, RayCounts
+from raytide.render.waves import RayCounts
 
 if TYPE_CHECKING:
     from raytide.render.renderer import Renderer
@@ -18,26 +17,29 @@ REPORT_SCHEMA = "raytide.report/1"
 
 def report_of(renderer: Renderer) -> dict[str, Any]:
     """All figures of a render, ready for JSON. Times in seconds, memory in bytes, rates in 1/s."""
-    flat, film = renderer.flat, renderer.film
+    film, frame, flat = renderer.film, renderer.frame, renderer.flat
+    assert frame is not None
     error = film.error
+    frame.collect_times()
     return {
         "schema": REPORT_SCHEMA,
         "raytide": raytide.__version__,
-        "scene_sha256": renderer.scene.sha256(),
+        "scene_sha256": renderer.scene_sha256,
         "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
         "device": _device(renderer),
-        "settings": {**flat.render.model_dump(mode="json"), "size": list(flat.camera.size)},
-        "spp": renderer.spp_done,
+        "settings": _settings(renderer),
+        "spp": film.spp,
         "stopped_by": renderer.stopped_by,
         "error": error.as_dict() if error else None,
-        "health": renderer.health(),
-        "times_s": dict(renderer.times),
-        "rays": _rays(renderer.waves.rays),
-        "waves": wave_table(renderer.wave_times, renderer.waves.rays),
+        "health": film.health,
+        "times_s": {**renderer.times, "render": frame.seconds, "first_pass": frame.first_pass_s},
+        "rays": _rays(renderer.rays),
+        "waves": wave_table(frame.wave_times, renderer.rays),
         "kernels": {name: _kernel(program) for name, program in renderer.programs.items()},
         "tree": {key: _plain(value) for key, value in vars(renderer.tree.stats).items()},
         "memory": {
             "scene_bytes": renderer.packed.nbytes + renderer.tree.stats.bytes,
+            "film_bytes": frame.nbytes,
             "wave_bytes": renderer.plan.nbytes,
             "wave_capacity": renderer.plan.capacity,
             "samples_in_flight": renderer.plan.samples,
@@ -48,28 +50,30 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
     }
 
 
-def header_of(renderer: Renderer) -> dict[str, Any]:
-    """EXR attributes: who made the picture, how to repeat it, and how far it can be trusted."""
-    film, flat = renderer.film, renderer.flat
-    to_camera = world_to_camera(flat.camera)
+def provenance_of(renderer: Renderer) -> dict[str, Any]:
+    """EXR attributes: who made the picture and how to repeat it, as of now."""
     return {
         "software": f"raytide {raytide.__version__}",
         "comments": "linear Rec. 709 radiance",
-        "worldToCamera": to_camera.astype(np.float32),
+        "worldToCamera": world_to_camera(renderer.flat.camera).astype(np.float32),
         "raytide": {
             "version": raytide.__version__,
-            "spp": film.spp,
-            "seed": flat.render.seed,
+            "spp": renderer.frame.spp if renderer.frame else 0,
+            "seed": renderer.flat.render.seed,
             "device": renderer.device.info.id,
             "driver": renderer.device.info.driver,
-            "scene_sha256": renderer.scene.sha256(),
-            "kernels_sha256": json.dumps({name: source.sha256 for name, source in renderer.sources.items()}),
-            "time_s": json.dumps({key: round(value, 6) for key, value in renderer.times.items()}),
-            "settings": json.dumps({**flat.render.model_dump(mode="json"), "size": list(flat.camera.size)}),
-            "error": json.dumps(film.error.as_dict() if film.error else None),
-            "excluded_samples": json.dumps(renderer.health()),
+            "scene_sha256": renderer.scene_sha256,
+            "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
+            "time_s": {stage: round(seconds, 6) for stage, seconds in renderer.times.items()}
+            | {"render": round(renderer.frame.seconds if renderer.frame else 0.0, 6)},
+            "settings": _settings(renderer),
         },
     }
+
+
+def _settings(renderer: Renderer) -> dict[str, Any]:
+    flat = renderer.flat
+    return {**flat.render.model_dump(mode="json"), "size": list(flat.camera.size)}
 
 
 def world_to_camera(camera: Any) -> np.ndarray:
@@ -92,7 +96,8 @@ def ledger(renderer: Renderer) -> dict[str, list[str]]:
 
 
 def wave_table(times: dict[str, tuple[int, float]], rays: RayCounts) -> dict[str, dict[str, float | bool]]:
-    """Seconds, launches and rays of every wave. Launches that mixed path edges are shared out by rays, and say so.
+    """Seconds, launches and rays of every wave. Time of launches that mixed path edges is shared out by the rays that
+    were in them, and such rows say so.
 
     Edge k is the number of path edges behind the vertex that a ray leaves: reflection[1] and shadow[1] leave the
     first hit. The last bin holds all longer paths.
@@ -104,13 +109,13 @@ def wave_table(times: dict[str, tuple[int, float]], rays: RayCounts) -> dict[str
     if "primary" in times:
         out["primary"] = _row(times["primary"], rays.primary, False)
     for wave, counts in (("reflection", rays.reflection), ("shadow", rays.shadow)):
-        mixed = times.get(f"{wave}[mixed]", (0, 0.0))
-        own = {k: times.get(f"{wave}[{k}]", (0, 0.0)) for k in range(EDGE_BINS)}
-        total = int(counts.sum())
-        for k in range(EDGE_BINS):
-            if counts[k]:
-                share = mixed[1] * int(counts[k]) / total
-                out[f"{wave}[{k}]"] = _row((own[k][0], own[k][1] + share), int(counts[k]), share > 0)
+        mixed_launches, mixed_s = times.get(f"{wave}[mixed]", (0, 0.0))
+        mixed = rays.mixed[wave]
+        for k in np.nonzero(counts)[0]:
+            launches, seconds = times.get(f"{wave}[{k}]", (0, 0.0))
+            if mixed[k]:
+                launches, seconds = launches + mixed_launches, seconds + mixed_s * int(mixed[k]) / int(mixed.sum())
+            out[f"{wave}[{k}]"] = _row((launches, seconds), int(counts[k]), bool(mixed[k]))
     return out
 
 

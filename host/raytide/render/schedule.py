@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from raytide.errors import UsageError
+from raytide.kernels.constants import EDGE_BINS, PARTITION_CHUNK, TILE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 
-TILE = 64  # pixels; 8x8, one packet of neighbouring rays
-CHUNK = 1024  # items that one work-item of `partition` counts
 LARGEST_PASS = 64  # samples a pixel between two looks at the film
 _RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
-SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4  # rays, hits, throughput, path, shadow light, 3 queues, status
+# rays, hits, throughput, path, shadow light, three queues, status, and a share of the compaction's counts
+SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
 SAMPLE_BYTES = 16
 
 
@@ -71,12 +71,12 @@ def plan_waves(kind: str, compute_units: int, memory: int | None, most_items: in
     return WavePlan(capacity, samples)
 
 
-def passes(spp: int) -> Iterator[tuple[int, int]]:
-    """(first sample, samples) of each pass: 1, 1, 2, 4, ... so that a first picture comes early and every power of
-    two is the end of a pass; then steps of LARGEST_PASS."""
-    done = 0
+def passes(spp: int, done: int = 0) -> Iterator[tuple[int, int]]:
+    """(first sample, samples) of each pass from `done` to `spp`: 1, 1, 2, 4, ... so that a first picture comes early
+    and every power of two is the end of a pass; then steps of LARGEST_PASS."""
     while done < spp:
-        step = min(max(1, done), LARGEST_PASS, spp - done)
+        power = 1 << done.bit_length()  # the next power of two
+        step = min(power - done if done else 1, LARGEST_PASS, spp - done)
         yield done, step
         done += step
 

@@ -13,22 +13,34 @@ import numpy as np
 
 from raytide.accel import Tree
 from raytide.device import Buffer, Device, Program
+from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
-from raytide.render.schedule import CHUNK, WavePlan
+from raytide.render.schedule import WavePlan
 
-EDGE_BINS = 16
 Observer = Callable[[str, Buffer, int, int, Buffer, Buffer], None]  # label, queue, first, count, rays, paths
-COUNTERS = 16 + 2 * EDGE_BINS
 
 
 @dataclass
 class RayCounts:
-    """Rays traced: camera rays, and onward and shadow rays by the path edge of the vertex that they left."""
+    """Rays traced: camera rays, and onward and shadow rays by the path edge of the vertex that they left.
+
+    `mixed` are those of `reflection` and `shadow` that were traced in launches together with other edges.
+    """
 
     primary: int = 0
     reflection: np.ndarray = field(default_factory=lambda: np.zeros(EDGE_BINS, np.int64))
     shadow: np.ndarray = field(default_factory=lambda: np.zeros(EDGE_BINS, np.int64))
+    mixed: dict[str, np.ndarray] = field(
+        default_factory=lambda: {wave: np.zeros(EDGE_BINS, np.int64) for wave in ("reflection", "shadow")}
+    )
+
+    def add(self, wave: str, by_edges: np.ndarray) -> None:
+        """Count the rays of one launch of "reflection" or "shadow"."""
+        counts = self.reflection if wave == "reflection" else self.shadow
+        counts += by_edges
+        if np.count_nonzero(by_edges) > 1:
+            self.mixed[wave] += by_edges
 
     @property
     def total(self) -> int:
@@ -61,9 +73,17 @@ class Waves:
     """Wave buffers and launches of one render."""
 
     def __init__(
-        self, device: Device, programs: Mapping[str, Program], scene: SceneBuffers, settings: Buffer, plan: WavePlan
+        self,
+        device: Device,
+        programs: Mapping[str, Program],
+        scene: SceneBuffers,
+        settings: Buffer,
+        plan: WavePlan,
+        pixels_of: Callable[[int, int], int],
     ) -> None:
+        """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles."""
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
+        self.pixels_of = pixels_of
         self.rays = RayCounts()
         self.observe: Observer | None = None
         slots = plan.capacity
@@ -74,7 +94,7 @@ class Waves:
         self._shadow_light, self._status = device.empty(slots * 16), device.empty(slots * 4)
         self._queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
         self._shadow_queue = device.empty(slots * 4)
-        self._chunk_counts = device.empty(-(-slots // CHUNK) * 2 * EDGE_BINS * 4)
+        self._chunk_counts = device.empty(-(-slots // PARTITION_CHUNK) * 2 * EDGE_BINS * 4)
         self._counters = device.empty(COUNTERS * 4)
         self.samples = device.empty(plan.samples * 16)
 
@@ -84,7 +104,7 @@ class Waves:
         Returns False, with the chunk unfinished, once `stopped` says so at the end of a wave.
         """
         first_tile, tiles, first_sample, samples = chunk
-        items = tiles * 64 * samples
+        items = tiles * TILE * samples
         self._reset_queue()
         begun = alive = 0
         edges = np.zeros(EDGE_BINS, np.int64)
@@ -93,14 +113,16 @@ class Waves:
                 return False
             fresh = 0
             if alive <= self.plan.capacity // 2:
-                fresh = min((self.plan.capacity - alive) // 64 * 64, items - begun)
+                fresh = min((self.plan.capacity - alive) // TILE * TILE, items - begun)
             if fresh:
                 self._primary(alive, begun, fresh, first_tile, first_sample, samples)
                 begun += fresh
             if alive:
+                self.rays.add("reflection", edges)
                 self._extend(0, alive, _label("reflection", edges))
             count = alive + fresh
             alive, edges = self._shade(count)
+        self.rays.primary += self.pixels_of(first_tile, tiles) * samples
         return True
 
     def _reset_queue(self) -> None:
@@ -115,7 +137,6 @@ class Waves:
             self._rays, self._throughput, self._paths, self.samples,
             label="camera",
         )  # fmt: skip
-        self.rays.primary += count
         self._extend(place, count, "primary")
 
     def _extend(self, first: int, count: int, label: str) -> None:
@@ -138,20 +159,19 @@ class Waves:
             self._shadow_rays, self._shadow_light, self.samples,
             label="shade",
         )  # fmt: skip
-        partition, chunks = programs["partition"], -(-count // CHUNK)
+        partition, chunks = programs["partition"], -(-count // PARTITION_CHUNK)
         launch(partition, "partition_count", chunks, 64, n, self._status, self._chunk_counts, label="partition")
         launch(partition, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
         launch(
-            partition, "partition_scatter", -(-self.plan.capacity // CHUNK), 64,
+            partition, "partition_scatter", -(-self.plan.capacity // PARTITION_CHUNK), 64,
             n, np.uint32(self.plan.capacity), self._status, self._chunk_counts, self._counters,
             queue, following, self._shadow_queue,
             label="partition",
         )  # fmt: skip
         counters = self.device.read(self._counters, np.uint32, COUNTERS).astype(np.int64)
         alive, shadow = int(counters[0]), int(counters[1])
-        onward, shadows = counters[16 : 16 + EDGE_BINS], counters[16 + EDGE_BINS :]
-        self.rays.reflection += onward
-        self.rays.shadow += shadows
+        onward, shadows = counters[COUNTER_EDGES:].reshape(2, EDGE_BINS)
+        self.rays.add("shadow", shadows)
         if shadow:
             if self.observe:
                 label = _label("shadow", shadows)

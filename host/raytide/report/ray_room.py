@@ -21,9 +21,9 @@ def room_scene(density: float = 1.0) -> RayScene:
         return max(1, round(count * density))
 
     shell = box_faces((0, 0, 0), _SIZE)
-    parts = [shell, planks(rng, many(900)), blinds(rng, many(180)), books(rng, many(4200))]
+    parts = [shell, planks(rng, many(900)), blinds(rng, many(180)), books(rng, many(4400))]
     parts += [leaves(rng, many(70)), cables(rng, many(72))]
-    light = ((3.0, 2.75, 4.0), (0.6, 0, 0), (0, 0, 0.9))
+    light = ((3.0, 2.75, 4.0), (0.6, 0.0, 0.0), (0.0, 0.0, 0.9))
     return scene_of("room", merged(parts), (5.2, 1.7, 7.4), (2.2, 1.0, 2.6), 65.0, light)
 
 
@@ -58,9 +58,8 @@ def planks(rng: np.random.Generator, count: int) -> Mesh:
     beams = max(1, count // 30)
     over = np.column_stack([np.full(beams, 3.0), np.full(beams, 2.6), np.linspace(0.3, 7.7, beams)])
     beam = np.tile(np.diag([2.9, 0.06, 0.04]), (beams, 1, 1))
-    return merged(
-        [boxes(center, turned(half, rng.normal(0, 0.004, count), 1)), boxes(over, turned(beam, rng.normal(0, 0.05, beams), 2))]
-    )
+    boards = boxes(center, turned(half, rng.normal(0, 0.004, count), 1))
+    return merged([boards, boxes(over, turned(beam, rng.normal(0, 0.05, beams), 2))])
 
 
 def blinds(rng: np.random.Generator, count: int) -> Mesh:
@@ -115,7 +114,7 @@ def leaves(rng: np.random.Generator, plants: int) -> Mesh:
     """Plants of 50 long, arching, pointed leaves, 24 triangles each."""
     count, steps = plants * 50, 12
     t = np.linspace(0, 1, steps + 1)
-    root = np.repeat(rng.uniform((0.6, 0.0, 0.9), (5.0, 0.9, 6.4), (plants, 3)), 50, axis=0)
+    root = np.repeat(rng.uniform((0.6, 0.5, 0.9), (5.0, 1.2, 6.2), (plants, 3)), 50, axis=0)
     heading, length = rng.uniform(0, 2 * np.pi, count), rng.uniform(0.25, 0.7, count)
     rise, width = rng.uniform(0.3, 1.3, count), rng.uniform(0.004, 0.014, count)
     out = np.column_stack([np.cos(heading), np.zeros(count), np.sin(heading)])
@@ -131,11 +130,11 @@ def leaves(rng: np.random.Generator, plants: int) -> Mesh:
 
 
 def cables(rng: np.random.Generator, count: int) -> Mesh:
-    """Sagging tubes across the room, 6 sides and 96 lengths: up to 9 m long and a few mm thick."""
+    """Sagging tubes across the room, 6 sides and 96 lengths: up to 8 m long and a few mm thick."""
     sides, lengths = 6, 96
     t = np.linspace(0, 1, lengths + 1)
-    start = rng.uniform((0.2, 1.6, 0.2), (5.8, 2.7, 7.8), (count, 3))
-    end = rng.uniform((0.2, 1.6, 0.2), (5.8, 2.7, 7.8), (count, 3))
+    start = rng.uniform((0.2, 1.6, 0.2), (5.8, 2.7, 6.4), (count, 3))
+    end = rng.uniform((0.2, 1.6, 0.2), (5.8, 2.7, 6.4), (count, 3))
     path = start[:, None] + (end - start)[:, None] * t[:, None]
     path[..., 1] -= rng.uniform(0.1, 1.2, count)[:, None] * 4 * t * (1 - t)
     path[..., 0] += 0.02 * np.sin(40 * t + rng.uniform(0, 6, count)[:, None])

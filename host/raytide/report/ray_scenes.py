@@ -11,10 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+Point = tuple[float, float, float]
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (V, 3) float64, triangles (T, 3) int64
 
 _SEED = 20261122
 _GOLDEN = (1 + 5**0.5) / 2
+_LOBES = (  # of the blob: direction, height and sharpness: head, two ears, tail
+    ((0.2, 0.8, 0.5), 0.5, 9.0),
+    ((-0.2, 1.0, 0.1), 1.1, 50.0),
+    ((0.35, 1.0, 0.0), 1.1, 50.0),
+    ((-0.7, -0.5, -0.6), 0.3, 40.0),
+)
+_WAVES = ((5.0, 0.02), (17.0, 0.006), (41.0, 0.002))  # radians a unit, share of the radius
 _WIDTH = 16.0  # of the terrain
 _OCTAVES = 10
 _GAIN = 0.46  # amplitude of an octave against the one before
@@ -32,8 +40,8 @@ class RayScene:
     name: str
     vertices: np.ndarray
     triangles: np.ndarray
-    eye: tuple[float, float, float]
-    target: tuple[float, float, float]
+    eye: Point
+    target: Point
     fov: float
     light: np.ndarray
 
@@ -50,16 +58,15 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
     return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
-def scene_of(name: str, mesh: Mesh, eye: Sequence[float], target: Sequence[float], fov: float, light: Sequence[Sequence[float]]) -> RayScene:
+def scene_of(
+    name: str, mesh: Mesh, eye: Point, target: Point, fov: float, light: tuple[Point, Point, Point]
+) -> RayScene:
     """A RayScene with `mesh` rounded to float32."""
     vertices, triangles = mesh
-    place = (tuple(float(x) for x in eye), tuple(float(x) for x in target))
-    return RayScene(
-        name, vertices.astype(np.float32), triangles.astype(np.uint32), *place, fov, np.array(light, np.float64)
-    )
+    return RayScene(name, vertices.astype(np.float32), triangles.astype(np.uint32), eye, target, fov, np.array(light))
 
 
-def box_faces(low: Sequence[float], high: Sequence[float]) -> Mesh:
+def box_faces(low: Point, high: Point) -> Mesh:
     """The 12 triangles of a box, seen from inside or outside."""
     corners = np.array([[(low, high)[i >> axis & 1][axis] for axis in range(3)] for i in range(8)], np.float64)
     quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
@@ -70,7 +77,8 @@ def geodesic(splits: int) -> Mesh:
     """Unit sphere of 20 splits^2 triangles: each face of an icosahedron cut into splits^2, shared corners merged."""
     corners = np.array([np.roll((0, a, b * _GOLDEN), turn) for turn in range(3) for a in (-1, 1) for b in (-1, 1)])
     near = np.linalg.norm(corners[:, None] - corners, axis=-1) < 2.1  # edges have length 2
-    i, j, k = np.nonzero(near[:, :, None] & near[None] & near[:, None] & (np.tri(12, k=-1, dtype=bool).T[:, :, None]) & np.tri(12, k=-1, dtype=bool).T[None])
+    near &= np.arange(12)[:, None] < np.arange(12)
+    i, j, k = np.nonzero(near[:, :, None] & near[None] & near[:, None])
     place = {(a, b): n for n, (a, b) in enumerate((a, b) for a in range(splits + 1) for b in range(splits + 1 - a))}
     steps = np.array(list(place))
     weights = np.zeros((20, len(steps), 12), np.int64)
@@ -88,10 +96,9 @@ def blob_scene(splits: int = 59) -> RayScene:
     """An animal-like closed mesh of 20 splits^2 triangles on the floor of a closed box."""
     direction, faces = geodesic(splits)
     radius = 1.0 - 0.25 * direction[:, 1]
-    lobes = (((0.2, 0.8, 0.5), 0.5, 9.0), ((-0.2, 1, 0.1), 1.1, 50.0), ((0.35, 1, 0), 1.1, 50.0), ((-0.7, -0.5, -0.6), 0.3, 40.0))
-    for axis, height, sharpness in lobes:
+    for axis, height, sharpness in _LOBES:
         radius += height * np.exp(sharpness * (direction @ (np.array(axis) / np.linalg.norm(axis)) - 1))
-    for frequency, amplitude in ((5.0, 0.02), (17.0, 0.006), (41.0, 0.002)):
+    for frequency, amplitude in _WAVES:
         x, y, z = frequency * direction.T
         radius *= 1 + amplitude * (np.sin(x + 2 * np.sin(y)) + np.sin(y + 2 * np.sin(z)) + np.sin(z + 2 * np.sin(x)))
     points = direction * radius[:, None]
@@ -103,7 +110,7 @@ def blob_scene(splits: int = 59) -> RayScene:
 def in_box(name: str, mesh: Mesh) -> RayScene:
     """A mesh about 1.6 m high that stands on y = 0, in a closed box with a light under its ceiling."""
     box = box_faces((-1.6, 0, -1.6), (1.6, 2.6, 2.4))
-    light = ((0, 2.59, 0.2), (0.5, 0, 0), (0, 0, 0.5))
+    light = ((0.0, 2.59, 0.2), (0.5, 0.0, 0.0), (0.0, 0.0, 0.5))
     return scene_of(name, merged([mesh, box]), (0.3, 1.3, 2.3), (0, 0.85, 0), 60.0, light)
 
 
@@ -153,5 +160,5 @@ def terrain_scene(triangles: int = 1_000_000, spheres: int = 200, splits: int = 
         radius = rng.uniform(0.06, 0.3)
         center = rng.uniform((-7.5, 0.5, -7.5), (7.5, 2.8, 7.5))
         parts.append((unit * radius + center, faces))
-    light = ((0, 9.0, 0), (2.0, 0, 0), (0, 0, 2.0))
+    light = ((0.0, 9.0, 0.0), (2.0, 0.0, 0.0), (0.0, 0.0, 2.0))
     return scene_of("terrain", merged(parts), (0.5, 5.0, 10.5), (0, 0.4, 0.5), 50.0, light)

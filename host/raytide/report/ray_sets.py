@@ -113,9 +113,9 @@ def to_light(scene: RayScene, point: np.ndarray, pixels: np.ndarray, again: np.n
 
 def uniform(pixels: np.ndarray, again: np.ndarray | int, dimension: int) -> np.ndarray:
     """Random numbers in [0, 1) that depend on nothing but the arguments (integer hash: Wellons, lowbias32)."""
-    word = np.asarray(pixels).astype(np.uint32)
-    for part in (np.asarray(again).astype(np.uint32), np.uint32(dimension + 1)):
-        word = _mix(word ^ (part * np.uint32(0x9E3779B9)))
+    word = pixels.astype(np.uint32)
+    for part in (np.atleast_1d(again), np.array([dimension + 1])):
+        word = _mix(word ^ (part.astype(np.uint32) * np.uint32(0x9E3779B9)))
     return (word >> np.uint32(8)).astype(np.float64) * 2.0**-24
 
 

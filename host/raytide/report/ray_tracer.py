@@ -75,12 +75,13 @@ class RayTracer:
             device.fill(self._results, 0)
         device.finish()
 
-    def run(self) -> Timing:
-        """Trace the loaded set once, in one launch."""
+    def run(self, times: int = 1) -> Timing:
+        """Trace the loaded set `times` times, a launch each; the figures are of all of them together."""
         device = self.device
         device.take_times()
         wall, processor = time.perf_counter(), time.process_time()
-        self._launch()
+        for _ in range(times):
+            self._launch()
         device.finish()
         wall, processor = time.perf_counter() - wall, time.process_time() - processor
         return Timing(wall, processor, device.take_times()["trace"][1])
@@ -107,6 +108,11 @@ class RayTracer:
         self.device.fill(self._results, 0)
         self._launch()
         return self.device.read(self._results, np.float32, 4 * int(self._count))[::4] == 0.0
+
+    @property
+    def count(self) -> int:
+        """Rays of the loaded set."""
+        return int(self._count)
 
     def closest(self, rays: np.ndarray) -> np.ndarray:
         """Hits (n,) of records Ray (n,)."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
-from raytide.scene.lights import Light
+from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.materials import Emissive, Material
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh, Shape
@@ -26,7 +26,14 @@ def scene_problems(scene: Scene) -> list[Problem]:
         for name, thing in getattr(scene, group).items()
         if not isinstance(thing, base)
     ]
-    return strangers or object_problems(scene, list(scene.materials))
+    return strangers or object_problems(scene, list(scene.materials)) + light_problems(scene)
+
+
+def light_problems(scene: Scene) -> list[Problem]:
+    """More than one environment: a ray that hits nothing can see only one."""
+    skies = [name for name, light in scene.lights.items() if isinstance(light, EnvironmentLight)]
+    came = f"an environment beside {ascii(skies[0])}" if skies else ""
+    return [Problem(path_words(("lights", name)), came, "at most one environment") for name in skies[1:]]
 
 
 def object_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.camera import CAMERAS
-from raytide.scene.check import object_problems
+from raytide.scene.check import light_problems, object_problems
 from raytide.scene.describe import value_words
 from raytide.scene.layers import Layer, Override, apply_overrides, overrides_of, parse_override
 from raytide.scene.model import Table, path_words
@@ -82,6 +82,7 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
             scene.objects[name] = _stand_in(table)
     written = raw.get("materials", {})
     problems += object_problems(scene, list(written) if isinstance(written, dict) else [])
+    problems += light_problems(scene)
     return (None if camera is None or len(scene.objects) > len(tables["objects"]) else scene), problems
 
 

@@ -1,0 +1,133 @@
+"""One picture in the making: film buffers on the device, the samples that are done, and what they cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from raytide.device import Buffer, Device, Program
+from raytide.errors import UsageError
+from raytide.kernels.constants import HEALTH, TILE, TILE_SIDE
+from raytide.render import schedule
+from raytide.render.film import FilmData
+from raytide.render.waves import RayCounts, Waves
+
+ROWS = 3  # of squared differences a pixel
+PIXEL_BYTES = (3 + ROWS) * 16  # sums (two), half sum, differences
+
+
+class Frame:
+    """Adds samples to a picture of `size` (width, height) until it is told to stop, and goes on from there."""
+
+    def __init__(self, device: Device, program: Program, settings: Buffer, size: tuple[int, int]) -> None:
+        self.device, self._program, self._settings, self.size = device, program, settings, size
+        self.pixels = size[0] * size[1]
+        self.tiles = -(-size[0] // TILE_SIDE) * -(-size[1] // TILE_SIDE)
+        self._check_fits()
+        self._sums = [device.empty(self.pixels * 16) for _ in range(3)]
+        self._differences = device.empty(self.pixels * 16 * ROWS)
+        self._health = device.empty(64)
+        self.restart()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the film on the device."""
+        return self.pixels * PIXEL_BYTES
+
+    def _check_fits(self) -> None:
+        largest, limit = self.pixels * 16 * ROWS, self.device.info.max_alloc_bytes
+        if largest > limit:
+            raise UsageError(
+                f"camera.size: came {self.size[0]}x{self.size[1]}, whose film needs a buffer of {largest >> 20} MiB; "
+                f"{self.device.info.id} allows {limit >> 20} MiB; render a smaller picture"
+            )
+
+    def restart(self) -> None:
+        """No samples."""
+        for buffer in (*self._sums, self._differences, self._health):
+            self.device.fill(buffer, 0)
+        self.device.take_times()
+        self.spp = 0  # samples that every pixel has
+        self.seconds = 0.0  # spent in rendering
+        self.first_pass_s: float | None = None
+        self.wave_times: dict[str, tuple[int, float]] = {}
+        self._pending: Iterator[tuple[int, int, int, int]] | None = None
+        self._pass = (0, 0)
+
+    def pixels_of(self, first_tile: int, tiles: int) -> int:
+        """Pixels of the picture that lie in tiles first_tile .. first_tile + tiles - 1."""
+        across = -(-self.size[0] // TILE_SIDE)
+        tile = np.arange(first_tile, first_tile + tiles)
+        wide = np.minimum(TILE_SIDE, self.size[0] - tile % across * TILE_SIDE)
+        high = np.minimum(TILE_SIDE, self.size[1] - tile // across * TILE_SIDE)
+        return int(np.sum(wide * high))
+
+    def run(self, waves: Waves, spp: int, stopped: Callable[[], bool]) -> Iterator[bool]:
+        """Renders pass by pass up to `spp` samples a pixel; yields True after each, or False and ends once stopped.
+
+        A pass that was stopped goes on where it was, whenever `run` is called again.
+        """
+        while self.spp < spp or self._pending is not None:
+            begun = time.perf_counter()
+            if self._pending is None:
+                self._pass = next(schedule.passes(spp, self.spp))
+                self._pending = schedule.chunks(self.tiles, *self._pass, waves.plan.samples)
+            finished = self._run_pass(waves, stopped)
+            self.device.finish()
+            self.seconds += time.perf_counter() - begun
+            self.collect_times()
+            if finished:
+                self.spp, self._pending = sum(self._pass), None
+                self.first_pass_s = self.first_pass_s or self.seconds
+            yield finished
+            if not finished:
+                return
+
+    def _run_pass(self, waves: Waves, stopped: Callable[[], bool]) -> bool:
+        assert self._pending is not None
+        for chunk in self._pending:
+            if not waves.run(chunk, stopped):
+                self._pending = _before(chunk, self._pending)
+                return False
+            self.device.launch(
+                self._program, "film", chunk[1] * TILE, 64,
+                self._settings, *(np.uint32(x) for x in chunk), waves.samples,
+                *self._sums, self._differences, self._health,
+                label="film",
+            )  # fmt: skip
+        return True
+
+    def collect_times(self) -> None:
+        """Adds device times since the last call to `wave_times`: launches and seconds by label."""
+        for label, (launches, seconds) in self.device.take_times().items():
+            old = self.wave_times.get(label, (0, 0.0))
+            self.wave_times[label] = (old[0] + launches, old[1] + seconds)
+
+    def figures(self, rays: RayCounts) -> dict[str, object]:
+        """What the samples so far cost."""
+        return {
+            "spp": self.spp,
+            "seconds": self.seconds,
+            "first_pass_s": self.first_pass_s,
+            "rays": rays.total,
+            "mrays_per_s": rays.total / self.seconds / 1e6 if self.seconds > 0 else 0.0,
+            "device": self.device.info.id,
+        }
+
+    def read(self) -> FilmData:
+        """The film buffers as arrays."""
+        shape = (self.size[1], self.size[0], 4)
+        hi, lo = (self.device.read(buffer, np.float32, self.pixels * 4).reshape(shape) for buffer in self._sums[:2])
+        rows = self.device.read(self._differences, np.float32, self.pixels * 4 * ROWS)
+        counts = self.device.read(self._health, np.uint32, len(HEALTH))
+        health = dict(zip(HEALTH, (int(n) for n in counts), strict=True))
+        return FilmData(hi, lo, rows.reshape(*shape[:2], ROWS, 4), health)
+
+
+def _before(
+    chunk: tuple[int, int, int, int], rest: Iterator[tuple[int, int, int, int]]
+) -> Iterator[tuple[int, int, int, int]]:
+    yield chunk
+    yield from rest

@@ -1,0 +1,43 @@
+"""Settings put over those of a scene, and the record in which kernels read them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from raytide.errors import UsageError
+from raytide.kernels.constants import TILE_SIDE
+from raytide.kernels.records import RECORDS
+from raytide.render.pack import PackedScene
+from raytide.scene.flatten import FlatScene
+
+
+def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
+    """`flat` with keys of [render] and the camera's size replaced, checked as in a scene file. Raises SceneError for
+    a value and UsageError for a key that cannot be."""
+    known = type(flat.render).model_fields
+    camera, render = flat.camera.model_copy(), flat.render.model_copy()
+    for key, value in settings.items():
+        if key == "size":
+            camera.size = value
+        elif key in known:
+            setattr(render, key, value)
+        else:
+            raise UsageError(f"{key}: came an unknown render setting; wanted one of {', '.join(known)}, size")
+    return replace(flat, camera=camera, render=render)
+
+
+def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
+    """The Settings record of a render."""
+    row = np.zeros(1, RECORDS["Settings"].dtype)
+    width, height = flat.camera.size
+    render = flat.render
+    row["width"], row["height"], row["tiles_x"] = width, height, -(-width // TILE_SIDE)
+    row["seed"], row["max_depth"] = render.seed, render.max_depth
+    row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
+    row["light_count"], row["environment"] = len(packed.lights), packed.environment
+    row["filter_radius"] = render.width / 2
+    row["shadows"] = render.shadows
+    return row

@@ -1,0 +1,129 @@
+"""The ray suite on every device: it agrees with itself and with Embree, and its report tells everything."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytide.cli.main import main
+from raytide.device import Device
+from raytide.kernels.records import NONE
+from raytide.report import ray_suite
+from raytide.report.ray_room import room_scene
+from raytide.report.ray_scenes import RayScene, blob_scene, terrain_scene
+from raytide.report.ray_sets import SETS, RaySet, make_ray_sets
+from raytide.report.ray_suite import Plan
+from raytide.report.ray_tracer import RayTracer, geometry_of
+
+SMALL = {
+    "blob": lambda: blob_scene(15),
+    "terrain": lambda: terrain_scene(3000, spheres=5, splits=3),
+    "room": lambda: room_scene(0.01),
+}
+TINY = Plan(
+    size=64, values=2, value_s=0.01, limit_s=60.0, scaling_sizes=(10, 1000, 3000), scaling_pixels=64, forced_most=1000
+)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ray_suite, "SCENES", SMALL)
+    monkeypatch.setattr(ray_suite, "QUICK", TINY)
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_the_shadow_kernel_and_the_closest_hit_agree_on_what_is_in_between(device: Device, name: str) -> None:
+    scene: RayScene = SMALL[name]()
+    tracer = RayTracer(device, geometry_of(scene))
+    sets = make_ray_sets(scene, 128, tracer.closest)
+    rays = sets["shadt"].rays
+    tracer.load(sets["shadt"])
+    occluded = tracer.occluded()
+    assert 0.0 < occluded.mean() < 1.0
+    assert np.array_equal(occluded, tracer.closest(rays)["prim"] != NONE)
+    assert np.array_equal(occluded, tracer.occluded()), "the same rays again, now as a set of closest hits"
+
+
+def test_brute_force_gives_the_same_bits(device: Device) -> None:
+    scene = SMALL["room"]()
+    by_tree, by_force = (RayTracer(device, geometry_of(scene), builder) for builder in ("sah", "none"))
+    rays = make_ray_sets(scene, 64, by_tree.closest)["difft"].rays
+    assert by_tree.closest(rays).tobytes() == by_force.closest(rays).tobytes()
+
+
+def test_bench_reports_every_set_with_clocks_hashes_and_spread(
+    device: Device, small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "new" / "rays.json"
+    assert main(["bench", "--suite", "rays", "--quick", "--device", device.info.id, "--json", str(path)]) == 0
+    text = capsys.readouterr().out
+    result = json.loads(path.read_text())
+    assert result["schema"] == ray_suite.SCHEMA and result["device"]["id"] == device.info.id in text
+    assert result["device"]["options"] and result["device"]["probes"]
+    for name, scene in result["scenes"].items():
+        assert scene["status"] == "ok" and tuple(scene["sets"]) == SETS and name in text
+        for one in scene["sets"].values():
+            assert one["rays"] == 64 * 64 and len(one["workload_sha256"]) == 64
+            assert ("processor" in one["rays_per_s"]) == (device.info.type == "cpu")
+            for rate in one["rays_per_s"].values():
+                assert 0 < rate["min"] <= rate["median"] <= rate["max"] and len(rate["values"]) == rate["n"] >= 2
+    assert len({one["workload_sha256"] for scene in result["scenes"].values() for one in scene["sets"].values()}) == 18
+    assert [row["triangles"] for row in result["scaling"]["rows"]] == [8, 968, 3042]
+    assert result["brute_force"]["same_bits"] and len(result["brute_force"]["rows"]) == 2
+
+
+def test_a_suite_out_of_time_says_what_it_left_out(device: Device, small: None) -> None:
+    late = Plan(**{**vars(TINY), "limit_s": -1.0})
+    result = ray_suite.run_suite(device, late, lambda line: None)
+    assert all(scene["status"] == "skipped" for scene in result["scenes"].values())
+    assert len(result["scaling"]["skipped"]) == 3 and not result["scaling"]["rows"]
+
+
+def test_an_unknown_traversal_lists_the_known_ones(device: Device, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--traversal", "psychic", "--device", device.info.id]) == 2
+    assert "'psychic'; wanted one of single" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_hits_agree_with_embree_where_it_is_installed(
+    device: Device, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from raytide.errors import UsageError
+
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "tools"))
+    monkeypatch.delitem(sys.modules, "embree_library", raising=False)
+    import embree_library
+
+    try:
+        library = embree_library.load_embree()
+    except UsageError as missing:
+        pytest.skip(str(missing))
+    scene = SMALL[name]()
+    geometry = geometry_of(scene)
+    tracer = RayTracer(device, geometry)
+    world = embree_library.EmbreeScene(library, geometry.vertices, geometry.triangles, threads=1)
+    world.build("MEDIUM", robust=True)
+    for rays in make_ray_sets(scene, 256, tracer.closest).values():
+        for width, coherent in ((1, False), (16, False), (16, True)):
+            hits = embree_library.hit_records(len(rays.rays))
+            world.trace(rays.rays, hits, width, rays.any_hit, coherent)
+            check_agreement(tracer, rays, hits)
+    world.close()
+
+
+def check_agreement(tracer: RayTracer, rays: RaySet, hits: np.ndarray) -> None:
+    """The limits of tools/compare_embree.py, with two rays' grace since there are few."""
+    count = len(hits)
+    tracer.load(rays)
+    if rays.any_hit:
+        assert np.count_nonzero((hits["t"] < 0) != tracer.occluded()) <= 2 + 2e-5 * count
+        return
+    ours = tracer.closest(rays.rays)
+    met = ours["prim"] != NONE
+    assert np.count_nonzero(met != (hits["prim"] != NONE)) <= 2 + 2e-5 * count
+    far = met & (np.abs(ours["t"] - hits["t"]) > 1e-4 * np.abs(hits["t"]))
+    assert np.count_nonzero(far) <= 2 + 5e-4 * count
