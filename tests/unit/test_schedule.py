@@ -97,7 +97,8 @@ def test_estimate_finds_the_variance_of_nested_nets(slope: float, zigzag: float,
     found = estimate((1.0 + rows[1]).reshape(shape), now, before, spp)
     assert found is not None
     truth = variance[at] * at / spp
-    assert abs(found.relmse / truth - 1) < 0.12
+    cautious = (4**slope - 1) / (4 ** (1 + 0.25 * (slope - 1)) - 1)  # 1 for plain Monte Carlo
+    assert abs(found.relmse / truth / cautious - 1) < 0.12
     assert abs(found.slope - slope) < 0.1
     assert found.low < truth < found.high
 
