@@ -10,8 +10,8 @@ pooled over the picture. No sample is spent on the estimate. Powers of four, bec
 all its dimensions: a ratio over one octave would take its zigzag for a slope.
 
 The ratio looks back and the estimate looks ahead, and slopes flatten as samples grow (first the smooth dimensions are
-won, then the rest falls like 1/n). So only a quarter of the slope's excess over 1 is believed: measured over the shipped
-scenes, docs/error.md. That errs on the cautious side where an integrand stays smooth.
+won, then the rest falls like 1/n). So only a quarter of the slope's excess over 1 is believed, as measured over the
+shipped scenes (docs/error.md). That errs on the cautious side where an integrand stays smooth.
 """
 
 from __future__ import annotations
