@@ -71,8 +71,8 @@ def whole_commands(
     figures: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
-        words = [sys.executable, "-m", "raytide", "render", str(ROOT / "scenes" / path), "--size", options.size,
-                 "--spp", "1", "--quiet", "-o", str(Path(folder) / "a.png"), "--report", str(report), *more]  # fmt: skip
+        words = [sys.executable, "-m", "raytide", "render", str(ROOT / "scenes" / path), "--size", options.size]
+        words += ["--spp", "1", "--quiet", "-o", str(Path(folder) / "a.png"), "--report", str(report), *more]
         for change in overrides:
             words += ["--set", change]
         environment = os.environ | {"RAYTIDE_CACHE_DIR": folder + "/cache"}

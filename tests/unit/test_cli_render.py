@@ -202,7 +202,7 @@ def test_report_joins_the_renderers_figures_and_the_commands(fake: type[FakeRend
     assert report["spp"] == 8
     assert {"start", "import", "load", "write", "render"} <= report["times_s"].keys()
     assert report["outputs"] == ["a.exr"]
-    assert report["command"].startswith("raytide ")
+    assert report["command"] == "raytide render scene.toml -o a.exr --report reports/r.json"
 
 
 def test_too_many_excluded_samples_exit_4_with_the_picture_kept(

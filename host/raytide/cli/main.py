@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import raytide
+from raytide.cli import COMMAND_WORDS
 from raytide.errors import RaytideError
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def run(words: list[str]) -> int:
         return 0
     from cyclopts import CycloptsError
 
+    COMMAND_WORDS.set(tuple(words))
     app = command_app()
     if not words:
         app.help_print([], console=people())

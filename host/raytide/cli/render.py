@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from raytide.cli import COMMAND_WORDS
 from raytide.cli.config import HOST, Settings, environment, gather
 from raytide.cli.options import check_outputs, with_render_keys
 from raytide.cli.progress import Progress, progress_for, set_up_logging
@@ -201,7 +202,7 @@ def write_report(job: Job, renderer: Renderer) -> None:
         from raytide.render.coherence import measure_coherence
 
         report["coherence"] = measure_coherence(renderer)
-    report["command"] = shlex.join(["raytide", *sys.argv[1:]])
+    report["command"] = shlex.join(["raytide", *COMMAND_WORDS.get()])
     report["outputs"] = [str(path) for path in job.outputs]
     with replacing(job.report, no_clobber=job.no_clobber) as file:
         file.write(json.dumps(report, indent=2).encode() + b"\n")
