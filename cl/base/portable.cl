@@ -111,6 +111,14 @@ static uint movemask8(const int8 lanes)
 #endif
 }
 
+// Asks for the memory at `p`, which is wanted soon. CPUs run the items of a work-group one after the other, so that an
+// item can ask for what a later one needs; devices that run them side by side need no such thing.
+#if DEVICE_CPU && __has_builtin(__builtin_prefetch)
+#define PREFETCH(p) __builtin_prefetch((const void *)(ulong)(p))
+#else
+#define PREFETCH(p) ((void)0)
+#endif
+
 // Place of the lowest set bit; x is not zero.
 static uint ctz_of(const uint x)
 {

@@ -15,5 +15,7 @@
 #define SET_LIGHT(edge) (2u * (edge) - 1u)
 #define SET_BSDF(edge) (2u * (edge))
 
+#define LOOK_AHEAD 8u  // items of a queue between the one at work and the one whose slot is asked for
+
 #define T_MAX_FREE 3.0e38f  // rays without an end; finite, so that every comparison stays ordered
 #define MISS_AT_ONCE -1.0f  // t_max of slots that hold no ray

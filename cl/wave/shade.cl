@@ -28,6 +28,11 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     }
     const Geometry g = GEOMETRY_OF_ARGUMENTS;
     const uint slot = queue[i];
+    const uint later = queue[i + LOOK_AHEAD < count ? i + LOOK_AHEAD : i];
+    PREFETCH(rays + later);
+    PREFETCH(hits + later);
+    PREFETCH(paths + later);
+    PREFETCH(throughput + later);
     const Ray ray = rays[slot];
     const Hit hit = hits[slot];
     uint4 path = paths[slot];
