@@ -16,6 +16,20 @@ typedef struct {
     uint flags;
 } BsdfSample;
 
+// NAME_eval and NAME_pdf of one pair of directions, which share most of their work.
+typedef struct {
+    float3 value;
+    float pdf;
+} BsdfValue;
+
+static BsdfValue no_bsdf_value(void)
+{
+    BsdfValue out;
+    out.value = (float3)(0.0f);
+    out.pdf = 0.0f;
+    return out;
+}
+
 static BsdfSample no_bsdf_sample(void)
 {
     BsdfSample out;

@@ -72,6 +72,9 @@ static float length3(const float3 v)
     return sqrt_of(dot3(scaled, scaled)) / scale;
 }
 
+// Unit vector along v, which is one already but for the rounding of a few operations: one step of Newton's method.
+static float3 renormalize3(const float3 v) { return v * (1.5f - 0.5f * dot3(v, v)); }
+
 // Unit vector along v; zero where v is zero or denormal, NaN where v is not finite.
 static float3 normalize3(const float3 v)
 {

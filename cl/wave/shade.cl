@@ -48,13 +48,16 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
-    samples[path.x] += make4(emission_seen(lights, g, objects, vertex, ray, hit, path.y, state), 1.0f);
+    const int glows = vertex.material->kind == MATERIAL_EMISSIVE;
+    if (glows || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
+        samples[path.x] += make4(emission_seen(lights, g, objects, vertex, ray, hit, path.y, state), 1.0f);
+    }
 #if HAS_LOCAL
     const int last = 0;  // reflection_depth alone ends these paths
 #else
     const int last = edge >= settings->max_depth;
 #endif
-    if (last || vertex.material->kind == MATERIAL_EMISSIVE) {
+    if (last || glows) {
         return;
     }
     const Sampler sampler = sampler_of(settings->seed, path.z, path.w);

@@ -39,7 +39,7 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     PathVertex v;
     v.surface = surface_of(g, ray, hit);
     v.material = materials + objects[v.surface.object].material;
-    const float3 wo = -normalize3(xyz(ray.direction));
+    const float3 wo = -renormalize3(xyz(ray.direction));
     v.cos_o = dot3(wo, v.surface.ng);
     const int back = v.cos_o < 0.0f;
     v.normal = back ? -v.surface.ng : v.surface.ng;
@@ -77,7 +77,7 @@ static float3 environment_seen(global const Light *lights, global const Settings
     }
     global const Light *sky = lights + settings->environment;
     Surface none;
-    const float3 wi = normalize3(xyz(ray.direction));
+    const float3 wi = renormalize3(xyz(ray.direction));
     none.p = wi;
     none.ng = -wi;
     none.n = -wi;
@@ -103,7 +103,7 @@ static float3 emission_seen(global const Light *lights, const Geometry g, global
     const float3 emitted = material_emit(v.material, v.cos_o);
     global const Object *object = objects + v.surface.object;
     const uint index = object->light + (hit.prim - object->first);
-    const float3 wi = normalize3(xyz(ray.direction));
+    const float3 wi = renormalize3(xyz(ray.direction));
     const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
     return xyz(state) * emitted * chance_weight(path_edges, state.w, pdf);
 #else
@@ -131,13 +131,13 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
         return out;
     }
-    const float3 reflected = material_eval(v->material, v->wo, wi_local);
+    const BsdfValue bsdf = material_value(v->material, v->wo, wi_local);
 #if HAS_LOCAL
     const float weight = 1.0f;
 #else
-    const float weight = light.delta ? 1.0f : power_heuristic(pdf, material_pdf(v->material, v->wo, wi_local));
+    const float weight = light.delta ? 1.0f : power_heuristic(pdf, bsdf.pdf);
 #endif
-    out.light = throughput * reflected * light.radiance * (weight / pdf);
+    out.light = throughput * bsdf.value * light.radiance * (weight / pdf);
     const float3 origin = spawn_origin(&v->surface, wi);
     out.ray.origin = make4(origin, float_of(v->surface.prim));
     out.ray.direction = light.infinite ? make4(wi, T_MAX_FREE) : make4(light.to - (origin - v->surface.p), 1.0f);

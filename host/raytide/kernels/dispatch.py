@@ -58,6 +58,15 @@ def _switch(value: str, group: str, kinds: tuple[str, ...], call: str, otherwise
     return "\n".join(lines)
 
 
+def _value_of(kind: str) -> str:
+    """Both functions of one pair of directions after one load: the compiler joins what they share."""
+    return (
+        f"static BsdfValue {kind}_value(const {type_name(kind)} m, const float3 wo, const float3 wi)\n{{\n"
+        f"    BsdfValue out;\n    out.value = {kind}_eval(m, wo, wi);\n    out.pdf = {kind}_pdf(m, wo, wi);\n"
+        "    return out;\n}"
+    )
+
+
 def _material(features: Features) -> str:
     present = features.material_kinds
     out = ['#include "base/bsdf.cl"'] + [f'#include "material/{kind}.cl"' for kind in present]
@@ -69,6 +78,12 @@ def _material(features: Features) -> str:
             + _switch("m->kind", "MATERIAL", present, call, otherwise)
             + "\n}"
         )
+    out += [_value_of(kind) for kind in present]
+    out.append(
+        "static BsdfValue material_value(global const Material *m, const float3 wo, const float3 wi)\n{\n"
+        + _switch("m->kind", "MATERIAL", present, "{kind}_value(load_{kind}(m), wo, wi)", "no_bsdf_value()")
+        + "\n}"
+    )
     emits = "emissive_emit(load_emissive(m), cos_o)" if "emissive" in present else "(float3)(0.0f)"
     out.append(
         "static float3 material_emit(global const Material *m, const float cos_o)\n{\n"
