@@ -116,16 +116,20 @@ kernel void probe_constant(const uint count, global const Material *materials, g
 _SAMPLER = """
 #include "base/sampler.cl"
 kernel void probe_sampler(const uint count, const uint seed, const uint first_pixel, const uint samples,
-                          const uint first_sample, const uint set, const uint four, global float4 *results)
+                          const uint first_sample, const uint set, const uint form, global float4 *results)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
         return;
     }
     const Sampler sampler = sampler_of(seed, first_pixel + i / samples, first_sample + i % samples);
-    results[i] = four ? sample_4d(sampler, set) : (float4)(sample_2d(sampler, set), 0.0f, 0.0f);
+    const float8 pair = sample_4d_pair(sampler, set, set + 5u);
+    const float4 one = form == 0u ? sample_4d(sampler, set) : (float4)(sample_2d(sampler, set), 0.0f, 0.0f);
+    results[i] = form < 2u ? one : (form == 2u ? pair.lo : pair.hi);
 }
 """
+
+SAMPLER_FORMS = ("4d", "2d", "low", "high")
 
 
 def every_feature(**changes: Any) -> Features:
@@ -240,13 +244,14 @@ class Materials:
 
 
 def sample_sets(
-    device: Any, seed: int, pixels: range, samples: range, dimension_set: int, four: bool = True, sobol: bool = True
+    device: Any, seed: int, pixels: range, samples: range, dimension_set: int, form: str = "4d", sobol: bool = True
 ) -> np.ndarray:
-    """Sample numbers (pixels, samples, 4) float32; 2-D ones leave the last two 0."""
+    """Sample numbers (pixels, samples, 4) float32 of a form in SAMPLER_FORMS; "2d" leaves the last two 0, and "high" is
+    the pair's second set, `dimension_set` + 5."""
     name = "probe_sobol" if sobol else "probe_random"
     built = program(device, name, _SAMPLER, Features(sobol=sobol))
     count = len(pixels) * len(samples)
     results = device.empty(16 * count)
-    numbers = [count, seed, pixels.start, len(samples), samples.start, dimension_set, int(four)]
+    numbers = [count, seed, pixels.start, len(samples), samples.start, dimension_set, SAMPLER_FORMS.index(form)]
     device.launch(built, "probe_sampler", count, LOCAL, *[np.uint32(x) for x in numbers], results)
     return device.read(results, F4, 4 * count).reshape(len(pixels), len(samples), 4)

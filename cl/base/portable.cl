@@ -98,6 +98,16 @@ static float8 fma8(const float8 a, const float8 b, const float8 c)
 #endif
 }
 
+// Numbers below 2^24 are exact.
+static float8 float8_of(const int8 x)
+{
+#if CLANG_BUILTINS && __has_builtin(__builtin_convertvector)
+    return __builtin_convertvector(x, float8);
+#else
+    return convert_float8(x);
+#endif
+}
+
 // Bit k is set where lane k of a comparison's result is true.
 static uint movemask8(const int8 lanes)
 {

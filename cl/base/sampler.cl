@@ -1,4 +1,5 @@
 #pragma OPENCL FP_CONTRACT OFF
+#include "base/portable.cl"
 
 // Sample numbers as pure functions of (seed, pixel, sample, set): order, device and resumption change nothing.
 //
@@ -140,6 +141,66 @@ static float4 sample_owen_4d(const Sampler s, const uint set)
                     scrambled_unit(dimension_2(index), seed + 3u), scrambled_unit(dimension_3(index), seed + 4u));
 }
 
+#if HAS_SOBOL && DEVICE_CPU
+// sample_owen_4d of two sets at once, one number a lane, for CPUs whose compiler does not join work-items. The four
+// dimensions are one form here: each stage multiplies by a number a + b w of GF(4) that differs by lane, and the
+// pairs' triangle, which commutes with the stages, comes last.
+static uint8 mix_bits8(const uint8 key)
+{
+    uint8 x = key;
+    x = (x ^ (x >> 16)) * 0x7feb352du;
+    x = (x ^ (x >> 15)) * 0x846ca68bu;
+    return x ^ (x >> 16);
+}
+
+static uint8 reverse_bits8(const uint8 key)
+{
+    uint8 x = key;
+    x = (x << 16) | (x >> 16);
+    x = ((x & 0x00ff00ffu) << 8) | ((x >> 8) & 0x00ff00ffu);
+    x = ((x & 0x0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0fu);
+    x = ((x & 0x33333333u) << 2) | ((x >> 2) & 0x33333333u);
+    return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
+}
+
+static uint8 scramble8(const uint8 key, const uint8 seed)
+{
+    uint8 x = key;
+    x ^= x * 0x3d20adeau;
+    x += seed;
+    x *= (seed >> 16) | 1u;
+    x ^= x * 0x05526c56u;
+    return x ^ (x * 0x53a22864u);
+}
+
+// x (a + b w), a and b being all ones or zero.
+static uint8 times_field8(const uint8 x, const uint8 a, const uint8 b)
+{
+    const uint8 by_w = ((x >> 1) & 0x55555555u) | ((x ^ (x << 1)) & 0xaaaaaaaau);
+    return (x & a) ^ (by_w & b);
+}
+
+static float8 sample_owen_pair(const Sampler s, const uint low_set, const uint high_set)
+{
+    const uint o = 0xffffffffu;
+    const uint8 no_w = (uint8)(0u, o, 0u, o, 0u, o, 0u, o);        // dimensions 1 and 3
+    const uint8 has_w = (uint8)(0u, 0u, o, o, 0u, 0u, o, o);       // dimensions 2 and 3
+    const uint8 one_two = (uint8)(0u, o, o, 0u, 0u, o, o, 0u);      // dimensions 1 and 2
+    const uint8 set = (uint8)(low_set, low_set, low_set, low_set, high_set, high_set, high_set, high_set);
+    const uint8 seed = mix_bits8((uint8)(s.seed) + set * 0x9e3779b9u);
+    uint8 x = reverse_bits8(scramble8((uint8)(reverse_bits(s.index)), seed));
+    // stages: dimension 1 takes 1, 1, 1, 1; dimension 2 takes w, w^2, w, w^2; dimension 3 takes w^2, w, w^2, w
+    x ^= times_field8(x >> 2, no_w, has_w) & 0x33333333u;
+    x ^= times_field8(x >> 4, one_two, has_w) & 0x0f0f0f0fu;
+    x ^= times_field8(x >> 8, no_w, has_w) & 0x00ff00ffu;
+    x ^= times_field8(x >> 16, one_two, has_w);
+    x ^= (x >> 1) & (no_w & 0x55555555u);
+    const uint8 own_seed = mix_bits8(seed + (uint8)(1u, 2u, 3u, 4u, 1u, 2u, 3u, 4u));
+    const uint8 bits = reverse_bits8(scramble8(x, own_seed)) >> 8;
+    return float8_of(as_int8(bits)) * 5.9604644775390625e-8f;
+}
+#endif
+
 // Independent numbers: a bijection of (seed, index, set) to 128 bits (pcg4d: Jarzynski and Olano 2020, JCGT 9(3)).
 static float4 sample_random_4d(const Sampler s, const uint set)
 {
@@ -177,5 +238,15 @@ static float4 sample_4d(const Sampler s, const uint set)
     return sample_owen_4d(s, set);
 #else
     return sample_random_4d(s, set);
+#endif
+}
+
+// sample_4d of two sets.
+static float8 sample_4d_pair(const Sampler s, const uint low_set, const uint high_set)
+{
+#if HAS_SOBOL && DEVICE_CPU
+    return sample_owen_pair(s, low_set, high_set);
+#else
+    return (float8)(sample_4d(s, low_set), sample_4d(s, high_set));
 #endif
 }

@@ -63,7 +63,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const Sampler sampler = sampler_of(settings->seed, path.z, path.w);
     uint next = 0u;
 #if HAS_LIGHTS
-    const float4 light_u = sample_4d(sampler, SET_LIGHT(edge));
+    const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
+    const float4 light_u = both.lo;
+    const float4 u = both.hi;
     const ShadowRay direct = sample_direct(lights, settings, g, &vertex, xyz(state), light_u);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
@@ -78,8 +80,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         shadow_light[slot] = make4(direct.light, float_of(path.x));
         next |= STATUS_SHADOW;
     }
-#endif
+#else
     const float4 u = sample_4d(sampler, SET_BSDF(edge));
+#endif
     const NextRay onward = sample_onward(settings, &vertex, xyz(state), edge, u);
     if (onward.valid) {
         rays[slot] = onward.ray;

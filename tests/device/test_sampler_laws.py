@@ -50,6 +50,14 @@ def test_powers_of_four_are_nets_in_all_four_dimensions(device):
             assert all(is_elementary(pixel[: 4**m], tuple(2 * k for k in box)) for box in boxes)
 
 
+@pytest.mark.parametrize("sobol", [True, False])
+def test_two_sets_at_once_have_the_same_bits(device, sobol):
+    for seed, first, samples in ((0, 0, range(257)), (2**32 - 1, 2**20, range(2**31, 2**31 + 64))):
+        place = device, seed, range(first, first + 50), samples
+        assert np.array_equal(sample_sets(*place, 3, "low", sobol), sample_sets(*place, 3, sobol=sobol))
+        assert np.array_equal(sample_sets(*place, 3, "high", sobol), sample_sets(*place, 8, sobol=sobol))
+
+
 def test_independent_numbers_are_no_net(device):
     pixel = sample_sets(device, 0, range(1), range(256), 0, sobol=False)[0]
     assert not is_binary_net(pixel[:, :2])
@@ -60,7 +68,7 @@ def test_a_sample_depends_on_nothing_but_its_name(device, sobol):
     whole = sample_sets(device, 3, range(10, 20), range(64), 4, sobol=sobol)
     part = sample_sets(device, 3, range(13, 15), range(17, 40), 4, sobol=sobol)
     assert np.array_equal(whole[3:5, 17:40], part)
-    plane = sample_sets(device, 3, range(10, 20), range(64), 4, four=False, sobol=sobol)
+    plane = sample_sets(device, 3, range(10, 20), range(64), 4, "2d", sobol=sobol)
     assert np.array_equal(whole[:, :, :2], plane[:, :, :2])
 
 
