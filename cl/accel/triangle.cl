@@ -37,7 +37,7 @@ static float3 triangle_point(const float3 a, const float3 b, const float3 c, con
 }
 
 // Fills p, ng, n, uv and error.
-static void triangle_surface(const float3 a, const float3 b, const float3 c, const float2 uv, Surface *out)
+ALWAYS_INLINE static void triangle_surface(const float3 a, const float3 b, const float3 c, const float2 uv, Surface *out)
 {
     float scale;
     out->p = triangle_point(a, b, c, uv);
@@ -48,7 +48,7 @@ static void triangle_surface(const float3 a, const float3 b, const float3 c, con
 }
 
 
-static float triangle_area(const float3 a, const float3 b, const float3 c)
+ALWAYS_INLINE static float triangle_area(const float3 a, const float3 b, const float3 c)
 {
     float scale;
     const float twice = length3(triangle_cross(a, b, c, &scale));

@@ -43,8 +43,10 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         return;
     }
     if (hit.prim == NONE) {
+#if HAS_ENVIRONMENT
         const float3 sky = environment_seen(lights, settings, g, ray, path.y, state);
         samples[path.x] += make4(sky, 0.0f);
+#endif
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);

@@ -68,10 +68,10 @@ static float chance_weight(const uint path_edges, const float pdf, const float l
 #endif
 }
 
+#if HAS_ENVIRONMENT
 static float3 environment_seen(global const Light *lights, global const Settings *settings, const Geometry g,
                                const Ray ray, const uint path_edges, const float4 state)
 {
-#if HAS_ENVIRONMENT
     if (settings->environment == NONE) {
         return (float3)(0.0f);
     }
@@ -87,10 +87,8 @@ static float3 environment_seen(global const Light *lights, global const Settings
     none.prim = NONE;
     const float pdf = sky->position.w * light_pdf(sky, g, xyz(ray.origin), none, wi);
     return xyz(state) * xyz(sky->radiance) * chance_weight(path_edges, state.w, pdf);
-#else
-    return (float3)(0.0f);
-#endif
 }
+#endif
 
 static float3 emission_seen(global const Light *lights, const Geometry g, global const Object *objects,
                             const PathVertex v, const Ray ray, const Hit hit, const uint path_edges,
