@@ -5,14 +5,14 @@
 #include "accel/geometry.cl"
 // What shading and light sampling need of a triangle (a, b, c), counter-clockwise seen from the front.
 
-// Cross product of the edges, scaled by a power of two so that triangles of any size have one; with it the scale.
-static float3 triangle_cross(const float3 a, const float3 b, const float3 c, float *scale)
+// Cross product of the edges, scaled by a power of two so that triangles of any size have one.
+static float3 triangle_cross(const float3 a, const float3 b, const float3 c)
 {
     const float3 e1 = b - a;
     const float3 e2 = c - a;
     const float size = max_of(largest3(abs3(e1)), largest3(abs3(e2)));
-    *scale = size >= 1.2e-38f && size < 1.7e38f ? scale_to_one(size) : 1.0f;
-    return cross3(e1 * *scale, e2 * *scale);
+    const float scale = size >= 1.2e-38f && size < 1.7e38f ? scale_to_one(size) : 1.0f;
+    return cross3(e1 * scale, e2 * scale);
 }
 
 // Bound on the distance along ng between p = a + u e1 + v e2, as computed, and the triangle's plane: 5 roundings of
@@ -39,36 +39,20 @@ static float3 triangle_point(const float3 a, const float3 b, const float3 c, con
 // Fills p, ng, n, uv and error.
 ALWAYS_INLINE static void triangle_surface(const float3 a, const float3 b, const float3 c, const float2 uv, Surface *out)
 {
-    float scale;
     out->p = triangle_point(a, b, c, uv);
-    out->ng = normalize3(triangle_cross(a, b, c, &scale));
+    out->ng = normalize3(triangle_cross(a, b, c));
     out->n = out->ng;
     out->uv = uv;
     out->error = triangle_error(a, b, c, out->ng);
 }
 
-
-ALWAYS_INLINE static float triangle_area(const float3 a, const float3 b, const float3 c)
+// Point of the triangle, uniform by area, with its error bound; unit normal `ng` and `area` come from the host. pdf per
+// steradian as seen from `from`.
+static float3 triangle_sample(const float3 a, const float3 b, const float3 c, const float3 ng, const float area,
+                              const float3 from, const float2 u, float *pdf, float *error)
 {
-    float scale;
-    const float twice = length3(triangle_cross(a, b, c, &scale));
-    return 0.5f * twice / scale / scale;
-}
-
-// Point of the triangle, uniform by area. pdf per steradian as seen from `from`.
-static float3 triangle_sample(const float3 a, const float3 b, const float3 c, const float3 from, const float2 u,
-                              float3 *ng, float *pdf, float *error)
-{
-    Surface s;
-    triangle_surface(a, b, c, square_to_triangle(u), &s);
-    *ng = s.ng;
-    *error = s.error;
-    *pdf = density_by_area(from, s.p, s.ng, triangle_area(a, b, c));
-    return s.p;
-}
-
-static float triangle_pdf(const float3 a, const float3 b, const float3 c, const float3 from, const float3 p,
-                          const float3 ng, const float3 wi)
-{
-    return density_by_area(from, p, ng, triangle_area(a, b, c));
+    const float3 p = triangle_point(a, b, c, square_to_triangle(u));
+    *error = triangle_error(a, b, c, ng);
+    *pdf = density_by_area(from, p, ng, area);
+    return p;
 }

@@ -1,4 +1,5 @@
 #pragma OPENCL FP_CONTRACT OFF
+#include "accel/area.cl"
 #include "accel/geometry.cl"
 #include "accel/triangle.cl"
 #include "base/light_sample.cl"
@@ -6,7 +7,8 @@
 #include "base/vector.cl"
 #include "dispatch/shape.cl"
 
-// One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too.
+// One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too. Triangles:
+// direction.xyz = unit normal, extra.y = area.
 
 #if HAS_TRIANGLES
 static float3 emitter_corner(const Geometry g, const uint vertex)
@@ -16,18 +18,19 @@ static float3 emitter_corner(const Geometry g, const uint vertex)
 #endif
 
 // Point of the primitive with normal, density seen from `from` [1/sr] and error bound.
-static float3 emitter_point(const uint prim, const Geometry g, const float3 from, const float2 u, float3 *ng,
+static float3 emitter_point(global const Light *l, const Geometry g, const float3 from, const float2 u, float3 *ng,
                             float *pdf, float *error)
 {
 #if HAS_TRIANGLES
-    if (prim < g.triangle_count) {
-        const uint4 v = g.triangles[prim].v;
-        return triangle_sample(emitter_corner(g, v.x), emitter_corner(g, v.y), emitter_corner(g, v.z), from, u, ng,
-                               pdf, error);
+    if (l->prim < g.triangle_count) {
+        const uint4 v = g.triangles[l->prim].v;
+        *ng = xyz(l->direction);
+        return triangle_sample(emitter_corner(g, v.x), emitter_corner(g, v.y), emitter_corner(g, v.z), *ng, l->extra.y,
+                               from, u, pdf, error);
     }
 #endif
 #if HAS_ANALYTIC
-    return shape_sample(g.shapes + (prim - g.triangle_count), from, u, ng, pdf, error);
+    return shape_sample(g.shapes + (l->prim - g.triangle_count), from, u, ng, pdf, error);
 #else
     *ng = (float3)(0.0f, 0.0f, 1.0f);
     *error = 0.0f;
@@ -42,7 +45,7 @@ static LightSample emitter_sample(global const Light *l, const Geometry g, const
 {
     float3 ng;
     float pdf, error;
-    const float3 p = emitter_point(l->prim, g, from, u, &ng, &pdf, &error);
+    const float3 p = emitter_point(l, g, from, u, &ng, &pdf, &error);
     const float3 to = p - from;
     const float front = -dot3(ng, to);
     const int shines = front > 0.0f || (l->extra.x != 0.0f && front < 0.0f);
@@ -62,9 +65,7 @@ static float emitter_pdf(global const Light *l, const Geometry g, const float3 f
 {
 #if HAS_TRIANGLES
     if (l->prim < g.triangle_count) {
-        const uint4 v = g.triangles[l->prim].v;
-        return triangle_pdf(emitter_corner(g, v.x), emitter_corner(g, v.y), emitter_corner(g, v.z), from, seen.p,
-                            seen.ng, wi);
+        return density_by_area(from, seen.p, seen.ng, l->extra.y);
     }
 #endif
 #if HAS_ANALYTIC

@@ -10,6 +10,7 @@ import pytest
 
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
+from raytide.render.lights import triangle_planes
 from shading_programs import F4, LOCAL, every_feature, math_probe, numbers, program, rows4
 
 _LIGHTS = """
@@ -38,7 +39,7 @@ kernel void probe_light(GEOMETRY_ARGUMENTS, const uint count, global const Light
     if (lights->prim != NONE) {
         float pdf, error;
         float3 ng;
-        emitter_point(lights->prim, g, from, u[i].xy, &ng, &pdf, &error);
+        emitter_point(lights, g, from, u[i].xy, &ng, &pdf, &error);
         at.ng = ng;
     }
     at.n = at.ng;
@@ -99,6 +100,8 @@ def sample_light(device: Any, record: np.ndarray, points: Any, u: np.ndarray, ge
     is_triangle = geometry is not None and geometry.dtype != shapes.dtype
     if is_triangle:
         vertices, triangles[0, :3] = rows4(geometry, 3), (0, 1, 2)
+        record = record.copy()
+        (record["extra"][0, 1],), (record["direction"][0, :3],) = triangle_planes(np.float64(geometry)[None])
     elif geometry is not None:
         shapes = geometry
     empty = device.empty(256)

@@ -167,9 +167,9 @@ _TABLE = (
         ("uint", "alias", "", "light picked where u exceeds the threshold"),
         ("float", "threshold", "", "share of this slot that stays with this light"),
         ("float4", "position", "m", "xyz; w = probability of being picked"),
-        ("float4", "direction", "", "unit; the way the light travels"),
+        ("float4", "direction", "", "unit; the way the light travels; emitting triangle: its normal"),
         ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance"),
-        ("float4", "extra", "", "spot: cosines and angles of cutoff and fall-off start; emitter: x = two-sided"),
+        ("float4", "extra", "", "spot: cosines, angles of cutoff, fall-off start; emitter: x two-sided, y area"),
     ),
     _record(
         "Camera",

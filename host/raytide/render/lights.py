@@ -40,12 +40,14 @@ def pack_lights(
         if material.type != "emissive":
             continue
         radiance = dict(material.parameters())
-        prims, areas, centers = _primitives(flat, geometry, index, planes_first)
+        prims, areas, centers, normals = _primitives(flat, geometry, index, planes_first)
         rows = np.zeros(len(prims), RECORDS["Light"].dtype)
         rows["kind"] = kind_number("light", "emitter")
         rows["prim"] = prims
         rows["radiance"][:, :3] = radiance["radiance"]
+        rows["direction"][:, :3] = normals
         rows["extra"][:, 0] = radiance["two_sided"][0]
+        rows["extra"][:, 1] = areas
         objects[index]["light"] = count
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
         importance.append(_LUMINANCE @ radiance["radiance"] * areas / np.maximum(distance2, areas))
@@ -89,14 +91,15 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 def _primitives(
     flat: FlatScene, geometry: FlatGeometry, index: int, planes_first: list[int]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ids, areas and centres (relative to the geometry's origin) of an object's primitives."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Ids, areas, centres (relative to the geometry's origin) and unit normals (shapes: zero) of an object's
+    primitives."""
     thing = flat.objects[index]
     if thing.shape < 0:
         ids = np.arange(thing.first_triangle, thing.first_triangle + thing.triangle_count)
         corners = geometry.vertices[geometry.triangles[ids, :3], :3].astype(float)
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return ids, np.linalg.norm(cross, axis=1) / 2, corners.mean(axis=1)
+        triangle_areas, normals = triangle_planes(corners)
+        return ids, triangle_areas, corners.mean(axis=1), normals
     place = planes_first.index(thing.shape)
     u, v, w = flat.shapes[thing.shape].axes
     faces = {"u x v": np.linalg.norm(np.cross(u, v)), "v x w": np.linalg.norm(np.cross(v, w))}
@@ -108,7 +111,14 @@ def _primitives(
     }
     area = areas[flat.shapes[thing.shape].kind]
     center = geometry.shapes[place]["center"][None, :3].astype(float)
-    return np.array([len(flat.triangles) + place]), np.array([area]), center
+    return np.array([len(flat.triangles) + place]), np.array([area]), center, np.zeros((1, 3))
+
+
+def triangle_planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Areas (n,) and unit normals (n, 3) of triangles (n, 3, 3), float64; a triangle without area has normal 0."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    return length / 2, cross / np.where(length > 0, length, 1.0)[:, None]
 
 
 def _alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
