@@ -14,96 +14,10 @@ import numpy as np
 
 from raytide.kernels import NONE, RECORDS, Features, assemble
 from raytide.kernels.features import kind_number
+from trace_programs import PACKET_KERNELS, TRACE_KERNELS
 
 FAR = np.float32(3.0e38)
 SHAPES = ("box", "disk", "plane", "rectangle", "sphere")
-
-TRACE_KERNELS = """
-#include "accel/traverse.cl"
-VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
-kernel void closest(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global Hit *hits, global uint *met)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
-        return;
-    }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    hits[i] = trace_closest(g, rays[i]);
-    met[i] = (uint)trace_any(g, rays[i]);
-}
-
-kernel void surfaces(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global const Hit *hits,
-                     global float4 *out)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= count || hits[i].prim == NONE) {
-        return;
-    }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    const Surface s = surface_of(g, rays[i], hits[i]);
-    const float3 origin = spawn_origin(&s, xyz(out[4u * i]));
-    out[4u * i] = make4(s.p, s.error);
-    out[4u * i + 1u] = make4(s.ng, s.uv.x);
-    out[4u * i + 2u] = make4(s.n, s.uv.y);
-    out[4u * i + 3u] = make4(origin, float_of(s.object));
-}
-
-// Masks of the first node's lanes that rays meet: the slab test alone.
-kernel void boxes(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint *masks)
-{
-    const uint i = (uint)get_global_id(0);
-    TraceRay ray;
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    if (i >= count || !prepare_ray(g, rays[i], &ray)) {
-        return;
-    }
-    float8 enter;
-    masks[i] = boxes_met8(nodes, slab_ray(ray), ray.t_max, &enter);
-}
-
-// Depths of the triangles of block 0 by the 8-wide test, and bit for bit the same by the common function?
-kernel void depths(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint *differing)
-{
-    const uint i = (uint)get_global_id(0);
-    Query q;
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    if (i >= count || !prepare_query(g, rays[i], &q)) {
-        return;
-    }
-    float wide[8] __attribute__((aligned(32)));
-    float8 depth;
-    differing[i] = 0u;
-    for (uint mask = triangles_met8(blocks, q.shear, INFINITY, &depth); mask != 0u; mask &= mask - 1u) {
-        const uint lane = ctz_of(mask);
-        global const char *at = (global const char *)blocks + 4u * lane;
-        float2 uv;
-        *(private float8 *)wide = depth;
-        const float3 b = lane_corner(at + 3u * ROW, q.shear.rows);
-        const float3 c = lane_corner(at + 6u * ROW, q.shear.rows);
-        const float same = triangle_depth(q.shear, lane_corner(at, q.shear.rows), b, c, &uv);
-        differing[i] += bits_of(same) != bits_of(wide[lane]) ? 1u : 256u;
-    }
-}
-
-kernel void picked(GEOMETRY_ARGUMENTS, const uint count, const uint shape, global const float4 *from,
-                   global const float4 *numbers, global float4 *out)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
-        return;
-    }
-    global const Shape *s = shapes + shape;
-    float3 ng;
-    float pdf;
-    float error;
-    const float3 p = shape_sample(s, xyz(from[i]), numbers[i].xy, &ng, &pdf, &error);
-    const float3 wi = normalize3(p - xyz(from[i]));
-    out[3u * i] = make4(p, pdf);
-    out[3u * i + 1u] = make4(ng, error);
-    out[3u * i + 2u] = make4(wi, shape_pdf(s, xyz(from[i]), p, ng, wi));
-}
-"""
-
 
 def features(tree: bool = True, triangles: bool = True, shapes: tuple[str, ...] = SHAPES, **more: bool) -> Features:
     """Switches of a test program."""
@@ -260,8 +174,10 @@ def rays_of(origins: np.ndarray, directions: np.ndarray, t_max: object = FAR, le
 class Tracer:
     """A geometry on a device, with or without its tree, and the kernels above."""
 
-    def __init__(self, device: object, geometry: Mesh, program: object, tree: object = True) -> None:
-        self.device, self.program, self.geometry = device, program, geometry
+    def __init__(
+        self, device: object, geometry: Mesh, program: object, tree: object = True, packets: object = None
+    ) -> None:
+        self.device, self.program, self.geometry, self.packets = device, program, geometry, packets
         if tree is True:
             nodes, blocks = simple_tree(geometry)
         elif tree is False:
@@ -278,13 +194,21 @@ class Tracer:
         self.device.launch(self.program, kernel, (count,), (64,), *self.arguments, np.uint32(count), *arguments)  # type: ignore[attr-defined]
 
     def trace(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Hit records, and whether any-hit met something (bool)."""
+        """Hit records, and whether any-hit met something (bool). With a tree, packets must give the same bits."""
         device, count = self.device, len(rays)
         given = device.upload(rays)  # type: ignore[attr-defined]
         hits, met = device.empty(16 * count), device.empty(4 * count)  # type: ignore[attr-defined]
         self._launch("closest", count, given, hits, met)
         found = device.read(hits, RECORDS["Hit"].dtype, count)  # type: ignore[attr-defined]
-        return found, device.read(met, np.uint32, count) != 0  # type: ignore[attr-defined]
+        anything = device.read(met, np.uint32, count) != 0  # type: ignore[attr-defined]
+        if self.packets is not None:
+            queue = device.upload(np.arange(count, dtype=np.uint32))  # type: ignore[attr-defined]
+            for any_hit in (0, 1):
+                device.launch(self.packets, "closest_packet", (-(-count // 64),), (4,), *self.arguments,  # type: ignore[attr-defined]
+                              np.uint32(count), queue, given, np.uint32(any_hit), hits, met)  # fmt: skip
+            assert device.read(hits, RECORDS["Hit"].dtype, count).tobytes() == found.tobytes()  # type: ignore[attr-defined]
+            assert np.array_equal(device.read(met, np.uint32, count) != 0, anything)  # type: ignore[attr-defined]
+        return found, anything
 
     def surfaces(self, rays: np.ndarray, hits: np.ndarray, onward: np.ndarray) -> dict[str, np.ndarray]:
         """Surfaces at hits, and where rays in directions `onward` (n, 3) leave them."""
@@ -323,8 +247,9 @@ class Tracer:
 
 @cache
 def programs(device: object) -> dict[str, object]:
-    """The two programs that all tests share: "tree", and "all" for brute force."""
+    """The programs that all tests share: "tree", "packets" beside it, and "all" for brute force."""
     sources = {
+        "packets": assemble("", features(tree=True), PACKET_KERNELS),
         "tree": assemble("", features(tree=True), TRACE_KERNELS),
         "all": assemble("", features(tree=False), TRACE_KERNELS),
     }
@@ -333,7 +258,10 @@ def programs(device: object) -> dict[str, object]:
 
 def tracer(device: object, geometry: Mesh, tree: object = True) -> Tracer:
     """A Tracer with the shared programs; tree: True, False (brute force) or (nodes, blocks)."""
-    return Tracer(device, geometry, programs(device)["all" if tree is False else "tree"], tree)
+    built = programs(device)
+    if tree is False:
+        return Tracer(device, geometry, built["all"], False)
+    return Tracer(device, geometry, built["tree"], tree, built["packets"])
 
 
 def ring_sphere(rings: int, segments: int, center: object = (0, 0, 0)) -> Mesh:

@@ -72,12 +72,15 @@ static uint boxes_met8(global const Node *node, const SlabRay s, const float lim
     return movemask8(met);
 }
 
+static float4 rounded_down(const float4 low) { return low - abs4(low) * UNIT_ROUNDOFF; }
+static float4 rounded_up(const float4 high) { return high + abs4(high) * UNIT_ROUNDOFF; }
+
 // One box, by the same arithmetic: since rounding is monotonic, a box inside another never enters earlier or leaves
 // later than it. Low and high (w = 0) are rounded outward here, as the builder did with the boxes around them.
 static int box_met(const SlabRay s, const float4 low, const float4 high, const float limit, float *enter)
 {
-    const float4 lo = low - abs4(low) * UNIT_ROUNDOFF;
-    const float4 hi = high + abs4(high) * UNIT_ROUNDOFF;
+    const float4 lo = rounded_down(low);
+    const float4 hi = rounded_up(high);
     const float4 near = max4(min4(fma4(lo, s.inverse, s.near), fma4(hi, s.inverse, s.near)), (float4)(0.0f));
     const float4 far = max4(fma4(lo, s.inverse, s.far), fma4(hi, s.inverse, s.far));
     const float first = max_of(max_of(near.x, near.y), near.z);

@@ -34,6 +34,17 @@ static int visit_leaf(const Geometry g, const Query *q, const uint child, Closes
 // Stack entries are entry distance << 32 | child; distances are not negative, so they order as their bits do.
 static ulong stack_entry(const float enter, const uint child) { return ((ulong)bits_of(enter) << 32) | child; }
 
+// Puts an entry on the stack; unless `any`, below all nearer ones from `base` on.
+static void push_entry(const ulong entry, const int any, const uint base, ulong *stack, uint *count)
+{
+    uint place = (*count)++;
+    while (!any && place > base && stack[place - 1u] < entry) {
+        stack[place] = stack[place - 1u];
+        place--;
+    }
+    stack[place] = entry;
+}
+
 // The nearest child that the ray meets (any of them where `any`), or else the top of the stack; the others go on the
 // stack, nearer ones above farther ones.
 static ulong visit_node(const Geometry g, const Query *q, const uint index, const float limit, const int any,
@@ -62,12 +73,7 @@ static ulong visit_node(const Geometry g, const Query *q, const uint index, cons
         const ulong entry = stack_entry(enters[lane], children[lane]);
         const ulong farther = entry < nearest ? nearest : entry;
         nearest = entry < nearest ? entry : nearest;
-        uint place = (*count)++;
-        while (!any && place > base && stack[place - 1u] < farther) {
-            stack[place] = stack[place - 1u];
-            place--;
-        }
-        stack[place] = farther;
+        push_entry(farther, any, base, stack, count);
     }
     return nearest;
 }
@@ -139,9 +145,9 @@ static Closest trace(const Geometry g, const Query *q, const int any)
     return best;
 }
 
-static int prepare_query(const Geometry g, const Ray ray, Query *q)
+static int prepare_query(const float extent, const Ray ray, Query *q)
 {
-    if (!prepare_ray(g, ray, &q->ray)) {
+    if (!prepare_ray(extent, ray, &q->ray)) {
         return 0;
     }
     q->slab = slab_ray(q->ray);
@@ -172,25 +178,30 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
     return hit;
 }
 
-// Closest primitive at t in [0, t_max], ties to the lowest id. A ray that is not finite or has no direction misses.
-static Hit trace_closest(const Geometry g, const Ray ray)
+static Hit miss_of(const Ray ray)
 {
     Hit miss;
     miss.t = ray.direction.w;
     miss.u = 0.0f;
     miss.v = 0.0f;
     miss.prim = NONE;
+    return miss;
+}
+
+// Closest primitive at t in [0, t_max], ties to the lowest id. A ray that is not finite or has no direction misses.
+static Hit trace_closest(const Geometry g, const Ray ray)
+{
     Query q;
-    if (!prepare_query(g, ray, &q)) {
-        return miss;
+    if (!prepare_query(geometry_extent(g), ray, &q)) {
+        return miss_of(ray);
     }
     const Closest best = trace(g, &q, 0);
-    return best.prim == NONE ? miss : hit_of(g, &q, best);
+    return best.prim == NONE ? miss_of(ray) : hit_of(g, &q, best);
 }
 
 // Whether anything is met at t in [0, t_max].
 static int trace_any(const Geometry g, const Ray ray)
 {
     Query q;
-    return prepare_query(g, ray, &q) && trace(g, &q, 1).prim != NONE;
+    return prepare_query(geometry_extent(g), ray, &q) && trace(g, &q, 1).prim != NONE;
 }

@@ -52,6 +52,25 @@ static float8 difference_of_products8(const float8 a, const float8 b, const floa
     return fma8(a, b, -product) + error;
 }
 
+// The vertices of eight triangles, or of one as eight rays see it, sheared so that the ray runs along z.
+typedef struct {
+    float8 ax, ay, az, bx, by, bz, cx, cy, cz;
+} Sheared8;
+
+// Lanes in which the ray meets the triangle at a scaled depth in [0, limit], and those depths.
+ALWAYS_INLINE static int8 sheared_met8(const Sheared8 s, const float8 limit, float8 *depth)
+{
+    const float8 u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
+    const float8 v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
+    const float8 w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
+    const float8 zero = (float8)(0.0f);
+    const float8 sum = (u + v) + w;
+    const int8 inside = (min8(min8(u, v), w) >= zero) | (max8(max8(u, v), w) <= zero);
+    const float8 z = s.az + fma8(v, s.bz - s.az, w * (s.cz - s.az)) / sum;
+    *depth = z;
+    return inside & (sum != zero) & (z >= zero) & (z <= limit);
+}
+
 // Mask of the block's triangles that the ray meets at a scaled depth in [0, limit], and those depths.
 static uint triangles_met8(global const Block *block, const Shear s, const float limit, float8 *depth)
 {
@@ -60,26 +79,19 @@ static uint triangles_met8(global const Block *block, const Shear s, const float
     global const char *c = b + 3u * ROW;
     const float8 scale = (float8)(s.scale);
     const float8 scale_z = (float8)(s.scale_z);
-    const float8 az = fma8(row_at(a, s.rows.z), scale_z, (float8)(s.shift.z));
-    const float8 bz = fma8(row_at(b, s.rows.z), scale_z, (float8)(s.shift.z));
-    const float8 cz = fma8(row_at(c, s.rows.z), scale_z, (float8)(s.shift.z));
+    Sheared8 v;
+    v.az = fma8(row_at(a, s.rows.z), scale_z, (float8)(s.shift.z));
+    v.bz = fma8(row_at(b, s.rows.z), scale_z, (float8)(s.shift.z));
+    v.cz = fma8(row_at(c, s.rows.z), scale_z, (float8)(s.shift.z));
     const float8 shear_x = (float8)(s.shear_x);
     const float8 shear_y = (float8)(s.shear_y);
-    const float8 ax = fma8(az, shear_x, fma8(row_at(a, s.rows.x), scale, (float8)(s.shift.x)));
-    const float8 ay = fma8(az, shear_y, fma8(row_at(a, s.rows.y), scale, (float8)(s.shift.y)));
-    const float8 bx = fma8(bz, shear_x, fma8(row_at(b, s.rows.x), scale, (float8)(s.shift.x)));
-    const float8 by = fma8(bz, shear_y, fma8(row_at(b, s.rows.y), scale, (float8)(s.shift.y)));
-    const float8 cx = fma8(cz, shear_x, fma8(row_at(c, s.rows.x), scale, (float8)(s.shift.x)));
-    const float8 cy = fma8(cz, shear_y, fma8(row_at(c, s.rows.y), scale, (float8)(s.shift.y)));
-    const float8 u = difference_of_products8(cx, by, cy, bx);
-    const float8 v = difference_of_products8(ax, cy, ay, cx);
-    const float8 w = difference_of_products8(bx, ay, by, ax);
-    const float8 zero = (float8)(0.0f);
-    const float8 sum = (u + v) + w;
-    const int8 inside = (min8(min8(u, v), w) >= zero) | (max8(max8(u, v), w) <= zero);
-    const float8 z = az + fma8(v, bz - az, w * (cz - az)) / sum;
-    *depth = z;
-    return movemask8(inside & (sum != zero) & (z >= zero) & (z <= (float8)(limit)));
+    v.ax = fma8(v.az, shear_x, fma8(row_at(a, s.rows.x), scale, (float8)(s.shift.x)));
+    v.ay = fma8(v.az, shear_y, fma8(row_at(a, s.rows.y), scale, (float8)(s.shift.y)));
+    v.bx = fma8(v.bz, shear_x, fma8(row_at(b, s.rows.x), scale, (float8)(s.shift.x)));
+    v.by = fma8(v.bz, shear_y, fma8(row_at(b, s.rows.y), scale, (float8)(s.shift.y)));
+    v.cx = fma8(v.cz, shear_x, fma8(row_at(c, s.rows.x), scale, (float8)(s.shift.x)));
+    v.cy = fma8(v.cz, shear_y, fma8(row_at(c, s.rows.y), scale, (float8)(s.shift.y)));
+    return movemask8(sheared_met8(v, (float8)(limit), depth));
 }
 
 // The same for one triangle whose vertices' components are already in the order of the shear's axes: the function

@@ -13,6 +13,7 @@ from oracles_geometry import (
     mesh,
     plane_record,
     rays_of,
+    ring_sphere,
     shape_record,
     simple_tree,
     soup,
@@ -83,6 +84,53 @@ def test_brute_force_and_tree_agree_where_many_hits_are_close(device: object) ->
     geometry = soup(corners)
     by_tree, _ = tracer(device, geometry).trace(rays)
     assert by_tree.tobytes() == tracer(device, geometry, False).trace(rays)[0].tobytes()
+
+
+def bundles(count: int, seed: int, spread: float) -> np.ndarray:
+    """Groups of 64 rays that nearly agree: alternately from one point, and from a patch towards one."""
+    rng = np.random.default_rng(seed)
+    eye = np.repeat(rng.normal(size=(count, 3)) * 4, 64, axis=0)
+    towards = np.repeat(rng.normal(size=(count, 3)), 64, axis=0) + rng.normal(size=(64 * count, 3)) * spread
+    patch = eye + rng.normal(size=eye.shape) * spread * (np.arange(64 * count) // 64 % 2)[:, None]
+    return rays_of(patch, towards)
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-5, 3e-3, 0.1])
+@pytest.mark.parametrize("triangles", [3, 400, 20_000])
+def test_packets_give_the_bits_of_single_rays(device: object, triangles: int, spread: float) -> None:
+    """Tracer.trace compares the two. Rays left out, cut short, along axes and on planar primitives among them."""
+    geometry, rays = crowd(triangles), bundles(1500, 17, spread)
+    traced = tracer(device, geometry)
+    plain, _ = traced.trace(rays)
+    found = plain["prim"] != NONE
+    assert 0.2 < found.mean() < 1 and len(np.unique(plain["prim"])) > 14
+    rng = np.random.default_rng(18)
+    mixed = rays.copy()
+    mixed["direction"][:, 3] = np.where(found & (rng.random(len(rays)) < 0.3), plain["t"], FAR) * rng.uniform(0.5, 1)
+    mixed["direction"][rng.random(len(rays)) < 0.2, 3] = -1.0
+    mixed["origin"].view(np.uint32)[:, 3] = np.where(rng.random(len(rays)) < 0.3, plain["prim"], NONE)
+    mixed["origin"][rng.random(len(rays)) < 0.01, 1] = np.nan
+    mixed["direction"][rng.random(len(rays)) < 0.01, 2] = np.inf
+    mixed["direction"][:64, 3] = -1.0  # nothing to do for this item
+    mixed["direction"][640:1280, 0] = 0.0
+    hits, met = traced.trace(mixed[: len(rays) - 13])
+    assert met[1280:].any() and (hits["prim"][:64] == NONE).all()
+
+
+def test_packets_are_watertight_and_exact_at_the_end_of_shadow_rays(device: object) -> None:
+    """Bundles from inside a closed mesh at shared vertices; then cut at the hit and one ulp before."""
+    geometry = ring_sphere(60, 40)
+    corners = geometry.corners.astype(np.float64)
+    rng = np.random.default_rng(19)
+    eye = np.float32(np.repeat(rng.normal(size=(600, 3)) * 0.2, 64, axis=0))
+    nearest = np.argsort(((corners[:, 0][None] - rng.normal(size=(600, 1, 3))) ** 2).sum(2), axis=1)[:, :64].ravel()
+    rays = rays_of(eye, corners[nearest, 0] - eye)
+    traced = tracer(device, geometry, simple_tree(geometry))
+    hits, met = traced.trace(rays)
+    assert met.all() and (hits["prim"] != NONE).all()
+    for cut, expected in ((hits["t"], True), (np.nextafter(hits["t"], np.float32(0)), False)):
+        rays["direction"][:, 3] = cut
+        assert (traced.trace(rays)[1] == expected).all()
 
 
 def test_any_hit_within_an_interval_exists_exactly_where_the_closest_does(device: object) -> None:

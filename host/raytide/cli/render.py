@@ -40,6 +40,7 @@ class Job:
     allow_outside: bool
     coherence: bool
     everything: bool
+    traversal: str
     half: bool
     exposure: float
     no_clobber: bool
@@ -73,6 +74,7 @@ def render(
         bool, Parameter(negative="", help="measure how coherent each wave's rays are, into --report")
     ] = False,
     everything: Annotated[bool, Parameter(negative="", help="leave nothing out of the kernels, to compare")] = False,
+    traversal: Annotated[str, Parameter(help="rays in tile order: single, packet or auto; same picture")] = "auto",
     explain: Annotated[
         bool, Parameter(negative="", help="show each setting's value and origin; without -o render nothing")
     ] = False,
@@ -99,10 +101,8 @@ def render(
         logger.warning(warning)
     if coherence and report is None:
         raise UsageError("--coherence: came without --report; wanted a file for its figures")
-    job = Job(
-        scene, outputs, report, changes or [], allow_outside, coherence, everything, half, exposure, no_clobber, quiet,
-        log_json,
-    )  # fmt: skip
+    job = Job(scene, outputs, report, changes or [], allow_outside, coherence, everything, traversal, half, exposure,
+              no_clobber, quiet, log_json)  # fmt: skip
     job.times["start"] = process_age()
     with StopOnSignal() as signals:
         try:
@@ -165,8 +165,9 @@ def open_renderer(job: Job, scene: Scene, settings: Settings) -> Renderer:
     host = {key: setting.value for key, setting in settings.host.items()}
     layers = any(path.suffix.lower() == ".exr" for path in job.outputs)
     return Renderer(
-        scene, host["device"], memory=host["memory"], threads=host["threads"], everything=job.everything, layers=layers
-    )
+        scene, host["device"], memory=host["memory"], threads=host["threads"], everything=job.everything, layers=layers,
+        traversal=job.traversal,
+    )  # fmt: skip
 
 
 def last_film(renderer: Renderer, progress: Progress) -> Film:

@@ -35,6 +35,7 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
         "times_s": {**renderer.times, "render": frame.seconds, "first_pass": frame.first_pass_s},
         "rays": _rays(renderer.rays),
         "waves": wave_table(frame.wave_times, renderer.rays),
+        "traversal": {"asked": renderer.traversal, "ran": dict(renderer.waves.traced_by if renderer.waves else {})},
         "kernels": {name: _kernel(program) for name, program in renderer.programs.items()},
         "tree": {key: _plain(value) for key, value in vars(renderer.tree.stats).items()},
         "memory": {

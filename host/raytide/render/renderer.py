@@ -33,8 +33,9 @@ class Renderer:
 
     `memory` bounds the wave buffers in bytes; `everything` builds kernels with every feature (to see what leaving
     out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
-    `settings` override keys of the scene's [render] table and camera `size`. Use as a context manager. Two renderers
-    may share a Device, one after the other: device times are counted by device.
+    `traversal` says how rays in tile order are traced: "single", "packet" (64 together) or "auto", by the device;
+    the picture is the same, bit for bit. `settings` override keys of the scene's [render] table and camera `size`. Use
+    as a context manager. Two renderers may share a Device, one after the other: device times are counted by device.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -48,10 +49,11 @@ class Renderer:
         everything: bool = False,
         layers: bool = False,
         threads: int | None = None,
+        traversal: str = "auto",
         **settings: Any,
     ) -> None:
         self.scene, self.memory, self.everything, self.early_layers = scene, memory, everything, layers
-        self.settings = settings
+        self.settings, self.traversal = settings, traversal
         self.times: dict[str, float] = {}
         self.sources: dict[str, Source] = {}
         self.programs: dict[str, Program] = {}
@@ -104,6 +106,8 @@ class Renderer:
         """Programs whose source did not change stay as they are; all others are compiled side by side."""
         waves = [w for w in schedule.WAVES if w.needed(self.features)]
         waves += [schedule.AOV] if self.early_layers else []
+        if schedule.uses_packets(self.traversal, self.device.kind, self.features):
+            waves += [w for w in schedule.PACKET_WAVES if w.needed(self.features)]
         sources = {wave.name: assemble(wave.entry, self.features) for wave in waves}
         sources |= tree_sources(self.packed.geometry, self.flat.render.bvh)
         kept = {name: p for name, p in self.programs.items() if self.sources.get(name) == sources.get(name)}

@@ -37,7 +37,21 @@ WAVES = (
     Wave("shadow", lambda features: bool(features.lights)),
     Wave("film"),
 )
+# The same waves by packets of 64 rays, for queues in tile order; beside the others, which trace all other queues.
+PACKET_WAVES = (Wave("extend_packet"), Wave("shadow_packet", lambda features: bool(features.lights)))
+PACKET_LOCAL_SIZE = 4  # packets in a work-group
 AOV = Wave("aov")  # built when a film is asked for its layers
+
+
+TRAVERSALS = ("auto", "single", "packet")
+
+
+def uses_packets(traversal: str, kind: str, features: Features) -> bool:
+    """Whether rays in tile order are traced by packets: where asked for, and by default on CPUs, where they measured
+    faster. A scene without a tree has nothing to share. UsageError for an unknown `traversal`."""
+    if traversal not in TRAVERSALS:
+        raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
+    return features.tree and (traversal == "packet" or (traversal == "auto" and kind != "gpu"))
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,10 @@ from raytide.device import Buffer, Device, Program
 from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
-from raytide.render.schedule import WavePlan
+from raytide.render.schedule import PACKET_LOCAL_SIZE, WavePlan
 
+# Launches whose queues follow the tiles of the picture: compaction keeps the order in which camera rays were made.
+TILE_ORDERED = ("primary", "shadow[1]")
 Observer = Callable[[str, Buffer, int, int, Buffer, Buffer], None]  # label, queue, first, count, rays, paths
 
 
@@ -86,6 +88,7 @@ class Waves:
         self.pixels_of = pixels_of
         self.rays = RayCounts()
         self.observe: Observer | None = None
+        self.traced_by: dict[str, str] = {}  # launch label -> "single" or "packet"
         slots = plan.capacity
         ray = RECORDS["Ray"].size
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
@@ -142,11 +145,15 @@ class Waves:
     def _extend(self, first: int, count: int, label: str) -> None:
         if self.observe:
             self.observe(label, self._queues[0], first, count, self._rays, self._paths)
-        self.device.launch(
-            self.programs["extend"], "extend", count, 64,
-            *self.scene.geometry, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits,
-            label=label,
-        )  # fmt: skip
+        self._trace("extend", label, count, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits)
+
+    def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
+        """Traces `count` rays, 64 an item where their queue is in tile order and packets were built."""
+        packet = label in TILE_ORDERED and f"{wave}_packet" in self.programs
+        self.traced_by[label] = "packet" if packet else "single"
+        name = f"{wave}_packet" if packet else wave
+        items, local = (-(-count // TILE), PACKET_LOCAL_SIZE) if packet else (count, 64)
+        self.device.launch(self.programs[name], name, items, local, *self.scene.geometry, *arguments, label=label)
 
     def _shade(self, count: int) -> tuple[int, np.ndarray]:
         """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""
@@ -173,15 +180,11 @@ class Waves:
         onward, shadows = counters[COUNTER_EDGES:].reshape(2, EDGE_BINS)
         self.rays.add("shadow", shadows)
         if shadow:
+            label = _label("shadow", shadows)
             if self.observe:
-                label = _label("shadow", shadows)
                 self.observe(label, self._shadow_queue, 0, shadow, self._shadow_rays, self._paths)
-            launch(
-                programs["shadow"], "shadow", shadow, 64,
-                *scene.geometry, self._shadow_queue, np.uint32(shadow),
-                self._shadow_rays, self._shadow_light, self.samples,
-                label=_label("shadow", shadows),
-            )  # fmt: skip
+            self._trace("shadow", label, shadow, self._shadow_queue, np.uint32(shadow), self._shadow_rays,
+                        self._shadow_light, self.samples)  # fmt: skip
         self._queues.reverse()
         return alive, onward
 

@@ -10,13 +10,14 @@ import numpy as np
 from raytide.accel import FlatGeometry, Tree, build_tree, tree_sources
 from raytide.device import Buffer, Device
 from raytide.errors import UsageError
+from raytide.kernels.constants import TILE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
 from raytide.report.ray_scenes import RayScene
 from raytide.report.ray_sets import RaySet
 
-TRAVERSALS = ("single",)  # how rays can be traced, the default first
+TRAVERSALS = ("single", "packet")  # how rays can be traced, the default first
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,11 @@ class RayTracer:
             raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
         self.device, self.geometry, self.traversal = device, geometry, traversal
         features = Features(tree=builder != "none")
-        self.sources = {name: assemble(f"wave/{name}.cl", features) for name in ("extend", "shadow")}
+        if traversal == "packet" and not features.tree:
+            raise UsageError("traversal: came 'packet' without a tree; wanted single")
+        self._suffix = "_packet" if traversal == "packet" else ""
+        names = [f"{wave}{self._suffix}" for wave in ("extend", "shadow")]
+        self.sources = {name: assemble(f"wave/{name}.cl", features) for name in names}
         self.programs = device.build({**self.sources, **tree_sources(geometry, builder)})
         self.tree: Tree = build_tree(geometry, builder, device)
         self._scene = self._scene_arguments()
@@ -94,7 +99,9 @@ class RayTracer:
             name = "shadow"
         else:
             arguments, name = (self._queue, np.uint32(0), count, rays, results), "extend"
-        self.device.launch(self.programs[name], name, int(count), 64, *self._scene, *arguments, label="trace")
+        name += self._suffix
+        items, local = (-(-int(count) // TILE), 4) if self._suffix else (int(count), 64)
+        self.device.launch(self.programs[name], name, items, local, *self._scene, *arguments, label="trace")
 
     def hits(self) -> np.ndarray:
         """Records Hit (n,) of the loaded set after a run; closest hits only."""

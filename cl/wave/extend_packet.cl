@@ -1,0 +1,27 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/portable.cl"
+#include "accel/geometry.cl"
+#include "accel/packet.cl"
+
+// `extend` for queues in which 64 neighbouring rays nearly agree: an item takes 64 of them.
+// Race rule: slots in a queue are distinct, and each item writes only the hits of its own 64.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(4, 1, 1)))
+kernel void extend_packet(GEOMETRY_ARGUMENTS, global const uint *queue, const uint first, const uint count,
+                          global const Ray *rays, global Hit *hits)
+{
+    const uint begin = (uint)get_global_id(0) * PACKET_RAYS;
+    if (begin >= count) {
+        return;
+    }
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const uint size = count - begin < PACKET_RAYS ? count - begin : PACKET_RAYS;
+    global const uint *slots = queue + (first + begin);
+    Packet p;
+    gather_packet(g, slots, size, rays, &p);
+    if (p.usable != 0ul) {
+        trace_packet(g, &p, 0);
+    }
+    for (uint i = 0u; i < size; i++) {
+        hits[slots[i]] = packet_hit(g, &p, i, rays[slots[i]]);
+    }
+}

@@ -1,0 +1,30 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/portable.cl"
+#include "base/vector.cl"
+#include "accel/geometry.cl"
+#include "accel/packet.cl"
+
+// `shadow` for queues in which 64 neighbouring rays nearly agree: an item takes 64 of them.
+// Race rule: slots in a queue are distinct, and no two of them share a sample.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(4, 1, 1)))
+kernel void shadow_packet(GEOMETRY_ARGUMENTS, global const uint *queue, const uint count,
+                          global const Ray *shadow_rays, global const float4 *shadow_light, global float4 *samples)
+{
+    const uint begin = (uint)get_global_id(0) * PACKET_RAYS;
+    if (begin >= count) {
+        return;
+    }
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const uint size = count - begin < PACKET_RAYS ? count - begin : PACKET_RAYS;
+    Packet p;
+    gather_packet(g, queue + begin, size, shadow_rays, &p);
+    if (p.usable != 0ul) {
+        trace_packet(g, &p, 1);
+    }
+    for (uint i = 0u; i < size; i++) {
+        if (!packet_met(&p, i)) {
+            const float4 light = shadow_light[queue[begin + i]];
+            samples[bits_of(light.w)] += make4(xyz(light), 0.0f);
+        }
+    }
+}
