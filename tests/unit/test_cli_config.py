@@ -142,7 +142,7 @@ def test_outputs_are_checked_before_any_work(place: Path) -> None:
     (place / "there.exr").write_bytes(b"old")
     (place / "folder.exr").mkdir()
     (place / "file").write_text("")
-    check_outputs([Path("new/deep/a.exr"), Path("b.PNG")], Path("r/report.json"), True)
+    check_outputs([Path("new/deep/a.exr"), Path("b.PNG")], [Path("r/report.json"), None], True)
     assert (place / "new" / "deep").is_dir()
     assert (place / "r").is_dir()
     for outputs, no_clobber in (
@@ -154,7 +154,7 @@ def test_outputs_are_checked_before_any_work(place: Path) -> None:
         ([Path("file/a.exr")], False),
     ):
         with pytest.raises(UsageError):
-            check_outputs(outputs, None, no_clobber)
+            check_outputs(outputs, [], no_clobber)
     with pytest.raises(UsageError, match=r"\.exr, \.png"):
-        check_outputs([Path("a.jpg")], None, False)
+        check_outputs([Path("a.jpg")], [], False)
     assert (place / "there.exr").read_bytes() == b"old"

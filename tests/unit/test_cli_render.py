@@ -7,120 +7,31 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, Self
+from typing import Any
 
-import numpy as np
 import pytest
 
+from fake_renderer import SCENE, FakeFilm, FakeRenderer, fake, open_fake
 from raytide.cli import render as command
 from raytide.cli.main import main
 
-HOST = Path(__file__).resolve().parents[2] / "host"
-SCENE = """
-format = 1
-[camera]
-origin = [0, 0, 4]
-target = [0, 0, 0]
-size = [20, 10]
-[render]
-spp = 8
-[materials.grey]
-type = "diffuse"
-reflectance = 0.5
-[objects.ball]
-type = "sphere"
-center = [0, 0, 0]
-radius = 1
-material = "grey"
-"""
+__all__ = ["command", "fake"]
 
-
-class FakeFilm:
-    """Counts samples and saves text that tells how it was asked."""
-
-    def __init__(self, spp: int) -> None:
-        self.spp = spp
-        self.samples = np.full((10, 20), spp)
-        self.stats: dict[str, Any] = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01}
-        self.stats["device"] = "fake/0"
-
-    def save(self, path: Path, **options: Any) -> None:
-        Path(path).write_text(repr((self.spp, sorted(options.items()))))
-
-
-class FakeRenderer:
-    """Renders nothing, one sample a pass; `pause_s` long."""
-
-    pause_s = 0.0
-    excluded = 0
-    warned = False
-    error: Exception | None = None
-    opened: list[FakeRenderer] = []
-
-    def __init__(self, scene: Any, device: Any, **options: Any) -> None:
-        self.scene, self.device, self.options = scene, device, options
-        self.flat = SimpleNamespace(warnings=["objects.ball: a warning of the scene"] if self.warned else [])
-        self.stopped = threading.Event()
-        self.film = FakeFilm(0)
-        self.closed = False
-        self.opened.append(self)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.closed = True
-
-    def passes(self) -> Iterator[FakeFilm]:
-        for spp in range(1, self.scene.render.spp + 1):
-            time.sleep(self.pause_s)
-            if self.error:
-                raise self.error
-            self.film = FakeFilm(spp)
-            yield self.film
-            if self.stopped.is_set():
-                return
-
-    def stop(self) -> None:
-        self.stopped.set()
-
-    def health(self) -> dict[str, int]:
-        return {"non_finite": self.excluded, "negative": 0}
-
-    def report(self) -> dict[str, Any]:
-        return {"spp": self.film.spp, "times_s": {"render": 1.0}}
-
-
-def open_fake(job: Any, scene: Any, settings: Any) -> FakeRenderer:
-    host = {key: setting.value for key, setting in settings.host.items()}
-    return FakeRenderer(scene, host.pop("device"), everything=job.everything, **host)
-
-
-@pytest.fixture
-def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
-    """A working folder with scene.toml and a renderer that costs nothing."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
-    (tmp_path / "scene.toml").write_text(SCENE)
-    monkeypatch.setattr(command, "open_renderer", open_fake)
-    for name in ("pause_s", "excluded", "warned", "error"):
-        monkeypatch.setattr(FakeRenderer, name, getattr(FakeRenderer, name))
-    monkeypatch.setattr(FakeRenderer, "opened", [])
-    return FakeRenderer
-
-
+ROOT = Path(__file__).resolve().parents[2]
+HOST = ROOT / "host"
+PATHS = [str(folder) for folder in (HOST, ROOT / "tests", ROOT / "tests" / "unit")]
 def test_stdout_holds_the_files_and_stderr_the_rest(
     fake: type[FakeRenderer], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["render", "scene.toml", "-o", "deep/a.exr", "-o", "b.png"]) == 0
     out, err = capsys.readouterr()
     assert out.splitlines() == ["deep/a.exr", "b.png"]
-    assert err.splitlines() == ["raytide: 20x10, 8 spp in 4.00 s, 1.5 Mrays/s, estimated relMSE 1.00e-02 on fake/0"]
+    assert err.splitlines() == [
+        "raytide: 20x10, 8 spp in 4.00 s, 1.5 Mrays/s, estimated error 1 %, ended by spp on fake/0"
+    ]
     assert Path("deep/a.exr").read_text().startswith("(8, ")
     assert fake.opened[0].closed
 
@@ -255,7 +166,10 @@ def test_progress_without_a_terminal_is_a_line_every_ten_seconds(
     monkeypatch.setattr("raytide.cli.progress.time.monotonic", lambda: next(clock))
     assert main(["render", "scene.toml", "-o", "a.exr"]) == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if "left" in line]
-    assert lines == ["raytide: 3/8 spp  1.5 Mrays/s  2 s left", "raytide: 6/8 spp  1.5 Mrays/s  1 s left"]
+    assert lines == [
+        "raytide: 3/8 spp  error 1 % (0.8-1.2 %)  1.5 Mrays/s  2.5 s left",
+        "raytide: 6/8 spp  error 1 % (0.8-1.2 %)  1.5 Mrays/s  1.0 s left",
+    ]
 
 
 CHILD = """
@@ -278,9 +192,9 @@ def open_loudly(job: Any, scene: Any, settings: Any) -> FakeRenderer:
     renderer = open_fake(job, scene, settings)
     first = renderer.passes
 
-    def passes() -> Iterator[FakeFilm]:
+    def passes(**options: bool) -> Iterator[FakeFilm]:
         print("rendering", file=sys.stderr, flush=True)
-        yield from first()
+        yield from first(**options)
 
     renderer.passes = passes  # type: ignore[method-assign]
     return renderer
@@ -289,7 +203,7 @@ def open_loudly(job: Any, scene: Any, settings: Any) -> FakeRenderer:
 def start_child(folder: Path, pause: float, opener: str) -> subprocess.Popen[str]:
     """A process that renders with the fake renderer, at the point where it says so on stderr."""
     (folder / "scene.toml").write_text(SCENE)
-    code = CHILD.format(paths=[str(HOST), str(Path(__file__).parent)], pause=pause, opener=opener)
+    code = CHILD.format(paths=PATHS, pause=pause, opener=opener)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     child = subprocess.Popen([sys.executable, "-c", code], cwd=folder, text=True, env=dict(os.environ), **pipes)
     assert child.stderr is not None
@@ -317,7 +231,7 @@ def test_terminal_gets_a_bar_with_samples_rate_and_time_left(tmp_path: Path) -> 
     import pty
 
     (tmp_path / "scene.toml").write_text(SCENE)
-    code = CHILD.format(paths=[str(HOST), str(Path(__file__).parent)], pause=0.3, opener="open_fake")
+    code = CHILD.format(paths=PATHS, pause=0.3, opener="open_fake")
     outside, inside = pty.openpty()
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "100", "XDG_CONFIG_HOME": str(tmp_path)}
     command = [sys.executable, "-c", code.replace("1000", "4")]

@@ -41,7 +41,7 @@ def bench(
     from raytide.device import open_device
     from raytide.report.ray_suite import FULL, QUICK, run_suite
 
-    check_outputs([], json, no_clobber=False)
+    check_outputs([], [json], no_clobber=False)
     with open_device(device, threads=threads) as opened:
         result = run_suite(opened, QUICK if quick else FULL, say, traversal)
     print(tables(result))

@@ -56,13 +56,13 @@ def bytes_of(text: str) -> int | None:
     return int(float(found[1]) * UNITS[found[2].upper()]) if found else None
 
 
-def check_outputs(outputs: Sequence[Path], report: Path | None, no_clobber: bool) -> None:
+def check_outputs(outputs: Sequence[Path], others: Sequence[Path | None], no_clobber: bool) -> None:
     """Refuse, before any work is spent, files that could not be written; make missing folders.
 
     Raises UsageError for a wrong suffix, one file named twice, a folder in the place of a file, a folder that
     cannot be written, and with `no_clobber` a file that exists.
     """
-    files = [*outputs, *([report] if report else [])]
+    files = [*outputs, *(path for path in others if path)]
     for path in outputs:
         if path.suffix.lower() not in SUFFIXES:
             raise UsageError(f"{path}: came the suffix {path.suffix!r}; wanted one of {', '.join(SUFFIXES)}")

@@ -9,32 +9,34 @@ import time
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from raytide.cli.progress_text import figures, json_line, left_words, plain_line
+
 EVERY_S = 10.0
 
 
 class Progress(Protocol):
-    """`show` takes the film's figures after each pass; `say` may be called from any thread."""
+    """`show` takes Renderer.status after each pass; `say` may be called from any thread."""
 
-    def show(self, stats: Mapping[str, Any]) -> None: ...
+    def show(self, status: Mapping[str, Any]) -> None: ...
 
     def say(self, text: str) -> None: ...
 
     def close(self) -> None: ...
 
 
-def progress_for(total_spp: int, *, quiet: bool, as_json: bool) -> Progress:
+def progress_for(*, quiet: bool, as_json: bool) -> Progress:
     """The right display for where stderr goes."""
     if quiet:
         return Silent()
     if as_json:
-        return JsonLines(total_spp)
-    return Bar(total_spp) if sys.stderr.isatty() else Lines(total_spp)
+        return JsonLines()
+    return Bar() if sys.stderr.isatty() else Lines()
 
 
 class Silent:
     """Nothing but what must be said."""
 
-    def show(self, stats: Mapping[str, Any]) -> None:
+    def show(self, status: Mapping[str, Any]) -> None:
         """Nothing."""
 
     def say(self, text: str) -> None:
@@ -48,28 +50,27 @@ class Silent:
 class Lines(Silent):
     """A line every 10 s."""
 
-    def __init__(self, total_spp: int) -> None:
-        self.total = total_spp
+    def __init__(self) -> None:
         self.last = time.monotonic()
 
-    def line(self, stats: Mapping[str, Any]) -> str:
+    def line(self, status: Mapping[str, Any]) -> str:
         """The line of one pass."""
-        return plain_line(stats, self.total)
+        return plain_line(status)
 
-    def show(self, stats: Mapping[str, Any]) -> None:
+    def show(self, status: Mapping[str, Any]) -> None:
         """A line, if the last one is old enough."""
         now = time.monotonic()
         if now - self.last >= EVERY_S:
             self.last = now
-            print(self.line(stats), file=sys.stderr, flush=True)
+            print(self.line(status), file=sys.stderr, flush=True)
 
 
 class JsonLines(Lines):
     """A JSON object every 10 s."""
 
-    def line(self, stats: Mapping[str, Any]) -> str:
+    def line(self, status: Mapping[str, Any]) -> str:
         """The object of one pass."""
-        return json_line(stats, self.total)
+        return json_line(status)
 
     def say(self, text: str) -> None:
         """The text as an object."""
@@ -77,11 +78,11 @@ class JsonLines(Lines):
 
 
 class Bar:
-    """rich's bar with samples a pixel, ray rate and the time left."""
+    """rich's bar of the time, with samples a pixel, error, ray rate and what is left."""
 
-    end: float | None  # when the last sample is expected, by time.monotonic
+    end: float | None  # when the first limit is expected, by time.monotonic
 
-    def __init__(self, total_spp: int) -> None:
+    def __init__(self) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, ProgressColumn, Task, TextColumn
         from rich.progress import Progress as RichProgress
@@ -95,23 +96,24 @@ class Bar:
 
         columns = (BarColumn(), TextColumn("{task.fields[figures]}"), TimeLeft())
         self.progress = RichProgress(*columns, console=Console(stderr=True), transient=True)
-        self.total, self.end = total_spp, None
-        self.task = self.progress.add_task("", total=total_spp, figures="building kernels")
+        self.end, self.aim = None, ""
+        self.task = self.progress.add_task("", total=1.0, figures="building kernels")
         self.progress.start()
 
-    def show(self, stats: Mapping[str, Any]) -> None:
-        """Move the bar."""
-        left = seconds_left(stats, self.total)
+    def show(self, status: Mapping[str, Any]) -> None:
+        """Move the bar: the share of the time to the first limit that is behind."""
+        left, done = status.get("left_s"), float(status.get("seconds", 0.0))
         self.end = None if left is None else time.monotonic() + left
-        spp = stats.get("spp", 0)
-        self.progress.update(self.task, completed=spp, figures=figures(stats, self.total))
+        self.aim = left_words(status) if status.get("prediction") else ""
+        share = done / (done + left) if left is not None and done + left > 0 else 0.0
+        self.progress.update(self.task, completed=share, figures=figures(status))
 
     def time_left(self) -> str:
-        """`ETA 1:05`, or nothing before the first pass."""
+        """`ETA 1:05`, with the prediction where an error is to be reached; nothing before the first pass."""
         if self.end is None:
             return ""
         left = max(0, round(self.end - time.monotonic()))
-        return f"ETA {left // 60}:{left % 60:02}"
+        return "  ".join(part for part in (f"ETA {left // 60}:{left % 60:02}", self.aim) if part)
 
     def say(self, text: str) -> None:
         """A line above the bar."""
@@ -120,30 +122,6 @@ class Bar:
     def close(self) -> None:
         """Take the bar away; a second call does nothing."""
         self.progress.stop()
-
-
-def figures(stats: Mapping[str, Any], total_spp: int) -> str:
-    """`16/64 spp  12.3 Mrays/s`."""
-    return f"{stats.get('spp', 0)}/{total_spp} spp  {stats.get('mrays_per_s', 0.0):.1f} Mrays/s"
-
-
-def seconds_left(stats: Mapping[str, Any], total_spp: int) -> float | None:
-    """Time to the last sample at the rate so far, or None before the first."""
-    spp = stats.get("spp", 0)
-    return float(stats.get("seconds", 0.0)) * (total_spp - spp) / spp if spp else None
-
-
-def plain_line(stats: Mapping[str, Any], total_spp: int) -> str:
-    """One line of progress for people."""
-    left = seconds_left(stats, total_spp)
-    return f"raytide: {figures(stats, total_spp)}" + (f"  {left:.0f} s left" if left is not None else "")
-
-
-def json_line(stats: Mapping[str, Any], total_spp: int) -> str:
-    """One line of progress for programs."""
-    named = ("spp", "seconds", "rays", "mrays_per_s", "error")
-    row = {key: stats[key] for key in named if key in stats} | {"total_spp": total_spp}
-    return json.dumps({"event": "progress", "left_s": seconds_left(stats, total_spp), **row})
 
 
 class StderrHandler(logging.Handler):

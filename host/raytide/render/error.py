@@ -38,8 +38,21 @@ class ErrorEstimate:
     slope: float  # a of V ~ n^-a over the samples so far
     variance: np.ndarray  # (h, w, 3) float32, radiance^2
 
+    @property
+    def error(self) -> float:
+        """The root of relMSE: the typical error of a pixel as a share of its radiance."""
+        return float(np.sqrt(self.relmse))
+
+    @property
+    def believed_slope(self) -> float:
+        """The part of `slope` that the coming samples are trusted to keep."""
+        return 1.0 + BELIEVED * (self.slope - 1.0)
+
     def as_dict(self) -> dict[str, float]:
         return {
+            "error": self.error,
+            "error_low": float(np.sqrt(self.low)),
+            "error_high": float(np.sqrt(self.high)),
             "relmse": self.relmse,
             "relmse_low": self.low,
             "relmse_high": self.high,
@@ -56,7 +69,7 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
     """
     if spp < 4:
         return None
-    at = 4 ** ((spp.bit_length() - 1) // 2)
+    at = power_of_four(spp)
     denominator = mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2
     relative = now / denominator
     ratio = _pooled_ratio(relative, before / denominator) if at >= 16 else SMALLEST_RATIO
@@ -73,6 +86,11 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
         slope=slope,
         variance=smooth(now * factor),
     )
+
+
+def power_of_four(spp: int) -> int:
+    """The largest power of four up to `spp`."""
+    return 4 ** ((spp.bit_length() - 1) // 2)
 
 
 def _pooled_ratio(now: np.ndarray, before: np.ndarray) -> float:

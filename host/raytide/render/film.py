@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from raytide.errors import UsageError
-from raytide.render.error import ErrorEstimate, estimate
+from raytide.render.error import ErrorEstimate, estimate, power_of_four
 
 LAYERS = ("albedo", "normal", "position", "depth", "samples", "object_id", "variance")
 SUFFIXES = (".exr", ".png")
@@ -70,7 +70,17 @@ class Film:
     def error(self) -> ErrorEstimate | None:
         """Estimated error; None below 4 samples a pixel."""
         now, before = self.data.differences[..., 0, :3], self.data.differences[..., 1, :3]
-        return estimate(self.rgb, now, before, self.spp)
+        ahead = self._ahead()[..., None]
+        return estimate(self.rgb, now * ahead, before * ahead, self.spp)
+
+    def _ahead(self) -> np.ndarray:
+        """(h, w) float32: by how much less the squared differences of a pixel count because it has more than `spp`
+        samples, its last power of four being another than the picture's; 1 elsewhere."""
+        if self.spp < 4 or self.samples.max() <= self.spp:
+            return np.ones(self.samples.shape, np.float32)
+        at = np.float32(power_of_four(self.spp)) / self.spp
+        own = self.data.differences[..., 0, 3] / np.maximum(self.samples, 1)
+        return np.where(self.samples > self.spp, own / at, 1.0).astype(np.float32)
 
     @property
     def variance(self) -> np.ndarray:
@@ -84,8 +94,8 @@ class Film:
 
     @property
     def stats(self) -> dict[str, object]:
-        """Samples, seconds, rays, Mrays/s, device, and the estimated relMSE (None where unknown)."""
-        return {**self.figures, "error": self.error.relmse if self.error else None}
+        """Samples, seconds, rays, Mrays/s, device, and the estimated error, the root of relMSE (None where unknown)."""
+        return {**self.figures, "error": self.error.error if self.error else None}
 
     def layers(self, names: Sequence[str] = LAYERS) -> dict[str, np.ndarray]:
         """Named layers beside the picture. UsageError lists the names for an unknown one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 
@@ -64,8 +65,11 @@ class Frame:
         high = np.minimum(TILE_SIDE, self.size[1] - tile // across * TILE_SIDE)
         return int(np.sum(wide * high))
 
-    def run(self, waves: Waves, spp: int, stopped: Callable[[], bool]) -> Iterator[bool]:
-        """Renders pass by pass up to `spp` samples a pixel; yields True after each, or False and ends once stopped.
+    def run(
+        self, waves: Waves, spp: int, stopped: Callable[[], bool], time_limit: float | None = None
+    ) -> Iterator[bool]:
+        """Renders pass by pass up to `spp` samples a pixel; yields True after each, or False and ends once `stopped`
+        or after `time_limit` seconds in all, which are looked at after every wave.
 
         A pass that was stopped goes on where it was, whenever `run` is called again.
         """
@@ -73,8 +77,9 @@ class Frame:
             begun = time.perf_counter()
             if self._pending is None:
                 self._pass = next(schedule.passes(spp, self.spp))
-                self._pending = schedule.chunks(self.tiles, *self._pass, waves.plan.samples)
-            finished = self._run_pass(waves, stopped)
+                self._pending = schedule.chunks(self.tiles, *self._pass, self._chunk_size(waves, time_limit))
+            end = math.inf if time_limit is None else begun + time_limit - self.seconds
+            finished = self._run_pass(waves, _stopped_or_past(end, stopped))
             self.device.finish()
             self.seconds += time.perf_counter() - begun
             self.collect_times()
@@ -84,6 +89,18 @@ class Frame:
             yield finished
             if not finished:
                 return
+
+    def _chunk_size(self, waves: Waves, time_limit: float | None) -> int:
+        """Samples of a chunk: small ones, each of one wave of paths, in a pass that the time may cut short, because a
+        chunk that was stopped is lost."""
+        ahead = self.seconds / self.spp * self._pass[1] if self.spp else math.inf
+        fits = time_limit is None or ahead <= time_limit - self.seconds
+        return waves.plan.samples if fits else waves.plan.capacity
+
+    @property
+    def device_seconds(self) -> float:
+        """Spent so far by the device's clock."""
+        return sum(seconds for _, seconds in self.wave_times.values())
 
     def _run_pass(self, waves: Waves, stopped: Callable[[], bool]) -> bool:
         assert self._pending is not None
@@ -124,6 +141,10 @@ class Frame:
         counts = self.device.read(self._health, np.uint32, len(HEALTH))
         health = dict(zip(HEALTH, (int(n) for n in counts), strict=True))
         return FilmData(hi, lo, rows.reshape(*shape[:2], ROWS, 4), health)
+
+
+def _stopped_or_past(end: float, stopped: Callable[[], bool]) -> Callable[[], bool]:
+    return lambda: stopped() or time.perf_counter() >= end
 
 
 def _before(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,8 +20,10 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
     """All figures of a render, ready for JSON. Times in seconds, memory in bytes, rates in 1/s."""
     film, frame, flat = renderer.film, renderer.frame, renderer.flat
     assert frame is not None
-    error = film.error
+    error, history = film.error, renderer.history
     frame.collect_times()
+    if history.rows and history.rows[-1].relmse is None:
+        history.complete(error)
     return {
         "schema": REPORT_SCHEMA,
         "raytide": raytide.__version__,
@@ -30,9 +33,12 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
         "settings": _settings(renderer),
         "spp": film.spp,
         "stopped_by": renderer.stopped_by,
+        "limits": history.status(renderer.limits)["limits"],
+        "series": [asdict(row) for row in history.rows],
         "error": error.as_dict() if error else None,
         "health": film.health,
-        "times_s": {**renderer.times, "render": frame.seconds, "first_pass": frame.first_pass_s},
+        "times_s": {**renderer.times, "render": frame.seconds, "first_pass": frame.first_pass_s,
+                    "error_estimates": history.cost_s},
         "rays": _rays(renderer.rays),
         "waves": wave_table(frame.wave_times, renderer.rays),
         "traversal": {"asked": renderer.traversal, "ran": dict(renderer.waves.traced_by if renderer.waves else {})},

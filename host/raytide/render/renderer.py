@@ -20,6 +20,7 @@ from raytide.kernels.source import Source, assemble
 from raytide.render import layers, schedule
 from raytide.render.film import Film
 from raytide.render.frame import PIXEL_BYTES, Frame
+from raytide.render.limits import History, Limits, Row, limits_of
 from raytide.render.pack import PackedScene, features_of, pack
 from raytide.render.provenance import provenance_of, report_of
 from raytide.render.settings import settings_record, with_settings
@@ -151,6 +152,8 @@ class Renderer:
 
     def _begin(self) -> None:
         self.stopped_by, self._film = None, None
+        self.history = History()
+        self.limits = limits_of(self.flat.render)
         self._stop.clear()
         self.scene_sha256 = self.scene.sha256()
 
@@ -176,33 +179,72 @@ class Renderer:
         that has not begun ends at once; `passes` and `render` after that go on where it stopped."""
         self._stop.set()
 
-    def passes(self, spp: int | None = None) -> Iterator[Film]:
-        """Renders up to `spp` samples a pixel (default: the scene's) and yields the film after every pass.
+    def passes(
+        self, spp: int | None = None, *, time: float | None = None, error: float | None = None, watch: bool = False
+    ) -> Iterator[Film]:
+        """Renders until one limit is reached, by default the scene's: `spp` samples a pixel, `time` seconds of
+        rendering, an `error` (root of relMSE, 0.01 is 1 %); `stopped_by` tells which. Yields the film after every pass.
 
-        A stopped pass yields once more, with the samples whose chunks were finished. Raises SceneError for an `spp`
-        that a scene could not have.
+        Limits count from the picture's start; samples that nobody set end no render that has another end. Time ends a
+        render at the next wave; a stopped pass yields once more, with the samples whose chunks were finished. Error
+        ends it only after a pass. The error is looked at for an `error`, or to `watch` it, as far as that costs 3 % of
+        the time. Raises SceneError for a limit that a scene could not have.
         """
-        for _ in self._run(spp):
+        for _ in self._run(watch, spp=spp, time=time, error=error):
             yield self.film
 
-    def render(self, spp: int | None = None) -> Film:
+    def render(self, spp: int | None = None, *, time: float | None = None, error: float | None = None) -> Film:
         """All passes at once."""
-        for _ in self._run(spp):
+        for _ in self._run(False, spp=spp, time=time, error=error):
             pass
         return self.film
 
-    def _run(self, spp: int | None) -> Iterator[None]:
+    def _run(self, watch: bool, **given: Any) -> Iterator[None]:
         frame, waves = self._open()
-        wanted = self.flat.render.spp if spp is None else with_settings(self.flat, {"spp": spp}).render.spp
-        self.stopped_by = None
-        for finished in frame.run(waves, wanted, self._stop.is_set):
-            if not finished:
-                self.stopped_by = "interrupt"
-                self._stop.clear()
-            self._film = None
+        self.limits = limits = limits_of(self.flat.render, **given)
+        look = watch or limits.error is not None
+        self.stopped_by = self._ended_before(limits)
+        if self.stopped_by:
+            return
+        for finished in frame.run(waves, limits.spp, self._stop.is_set, limits.time):
+            film = self._end_pass(finished, look)
             yield
+            del film  # held until here, so that whoever asks for the film gets the one that was looked at
             self._settle_film()
-        self.stopped_by = self.stopped_by or "spp"
+            if self.stopped_by:
+                return
+        self.stopped_by = "spp"
+
+    def _ended_before(self, limits: Limits) -> str | None:
+        """Whether the picture is already beyond its time or error."""
+        history = self.history
+        if limits.error is not None and history.rows and history.rows[-1].relmse is None:
+            history.complete(self.film.error)
+        reached = history.reached(limits)
+        return reached if reached != "spp" else None
+
+    def _end_pass(self, finished: bool, look: bool) -> Film | None:
+        """Notes the pass, says in `stopped_by` what ends the render after it, and gives the film that was looked at."""
+        frame, waves = self._open()
+        history, film = self.history, None
+        self._film = None
+        history.add(Row(frame.seconds, frame.device_seconds, frame.spp, waves.rays.total))
+        self.stopped_by = history.reached(self.limits)
+        if not finished:
+            self.stopped_by = "time" if self.stopped_by == "time" and not self._stop.is_set() else "interrupt"
+            self._stop.clear()
+        if look and (self.stopped_by or history.affordable()):
+            begun = time.perf_counter()
+            film = self.film
+            history.complete(film.error, cost := time.perf_counter() - begun)
+            frame.seconds += cost
+            self.stopped_by = self.stopped_by or history.reached(self.limits)
+        return film
+
+    @property
+    def status(self) -> dict[str, Any]:
+        """What to show while the render runs, ready for JSON; costs no look at the picture."""
+        return self.history.status(self.limits)
 
     def _open(self) -> tuple[Frame, Waves]:
         if self.frame is None or self.waves is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from raytide.scene.model import Table
-from raytide.scene.values import Count, Flag, Number, key
+from raytide.scene.values import Count, Flag, Number, Seconds, Share, key
 
 DEFAULT_WIDTH = {"box": 1.0, "gaussian": 4.0, "centre": 0.0}  # the Gaussian is cut at 2 pixels = 4 sigma of 0.5
 
@@ -15,6 +15,10 @@ class RenderSettings(Table):
 
     integrator: Literal["path", "local"] = key("path", doc="path: global light; local: direct light and mirrors only")
     spp: Count = key(64, low=1, high=2**24, unit="samples a pixel", doc="samples for each pixel")
+    time: Seconds | None = key(None, above=0, doc="end after this time of rendering, set-up apart")
+    error: Share | None = key(
+        None, above=0, below=1, doc="end at this estimated error, the root of relMSE: a share of radiance"
+    )
     max_depth: Count = key(8, low=1, high=1024, unit="edges", doc="longest path: 1 sees emitters, 2 adds direct light")
     roulette_start: Count = key(
         5, low=0, high=1024, unit="edges", doc="first edge where roulette may end a path; 0: never"

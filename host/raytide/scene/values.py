@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -14,6 +15,8 @@ from pydantic_core import PydanticUndefined
 from raytide.importers.limits import LARGEST, SMALLEST
 
 Vector = tuple[float, float, float]
+SECONDS = {"": 1.0, "ms": 1e-3, "s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}  # by unit of time
+_TIME_PART = r"(\d+\.?\d*|\.\d+)\s*(ms|s|min|m|h|(?=\s*$))(?![a-z])"
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,25 @@ def as_colour(value: Any) -> Vector:
     return (grey, grey, grey)
 
 
+def as_seconds(value: Any) -> float:
+    """A time: a number of seconds, or text such as "30s", "4min", "1h 30min". Raises ValueError."""
+    if not isinstance(value, str):
+        return as_number(value)
+    if not re.fullmatch(rf"(\s*{_TIME_PART})+\s*", value):
+        raise ValueError("")
+    return as_number(sum(float(number) * SECONDS[unit] for number, unit in re.findall(_TIME_PART, value)))
+
+
+def as_share(value: Any) -> float:
+    """A share: a number, or a per cent such as "1%". Raises ValueError."""
+    if not isinstance(value, str):
+        return as_number(value)
+    found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*%\s*", value)
+    if not found:
+        raise ValueError("")
+    return as_number(float(found[1]) / 100)
+
+
 def check_product(colour: Vector, scale: float) -> None:
     """Raises ValueError where a scaled radiance leaves float32's usable range."""
     largest = max(colour) * scale
@@ -101,11 +123,19 @@ def _colour_schema(high: float | None) -> WithJsonSchema:
     return WithJsonSchema({"anyOf": [number, {"type": "array", "items": number, "minItems": 3, "maxItems": 3}]})
 
 
+def _text_or_number(example: str) -> WithJsonSchema:
+    return WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}], "examples": [example]})
+
+
 _VECTOR_SCHEMA = WithJsonSchema({"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3})
 
 Number = Annotated[float, BeforeValidator(as_number), Kind("a number")]
 Count = Annotated[int, BeforeValidator(as_count), Kind("a whole number")]
 Flag = Annotated[bool, Kind("true or false")]
+Seconds = Annotated[
+    float, BeforeValidator(as_seconds), Kind('seconds, or text such as "30s" or "4min",'), _text_or_number("30s")
+]
+Share = Annotated[float, BeforeValidator(as_share), Kind('a share, such as 0.01 or "1%",'), _text_or_number("1%")]
 Point = Annotated[Vector, BeforeValidator(as_vector), Kind("finite [x, y, z]"), _VECTOR_SCHEMA]
 Direction = Annotated[Vector, BeforeValidator(as_direction), Kind("a direction [x, y, z], not zero"), _VECTOR_SCHEMA]
 Emission = Annotated[
