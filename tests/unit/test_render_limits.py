@@ -82,12 +82,20 @@ def test_no_render_ends_by_an_error_that_is_not_known() -> None:
 
 def test_looks_at_the_error_stay_within_their_share_of_the_time() -> None:
     made, looked = History(), 0
-    for spp in range(1, 1001):
+    for spp in range(4, 1001):
         made.add(Row(spp * 0.01 + made.cost_s, 0.0, spp, 0))
         if made.affordable():
             made.complete(estimate_of(1.0), 0.02)
             looked += 1
     assert looked > 5 and made.cost_s - 0.02 <= ESTIMATE_SHARE * made.rows[-1].wall_s
+
+
+def test_nobody_looks_before_there_is_anything_to_see() -> None:
+    made = History()
+    made.add(Row(100.0, 100.0, 3, 0))
+    assert not made.affordable()
+    made.add(Row(101.0, 101.0, 4, 0))
+    assert made.affordable()
 
 
 def test_samples_that_nobody_set_are_no_limit_beside_another() -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "render": ("raytide.cli.render:render", "Render a scene file to EXR or PNG."),
     "scene": ("raytide.cli.scene:app", "Check, describe and convert scene files."),
+    "compare": ("raytide.cli.compare:compare", "Compare two pictures: errors, and whether they differ beyond noise."),
     "devices": ("raytide.cli.devices:devices", "List the OpenCL devices."),
     "doctor": ("raytide.cli.doctor:doctor", "Check drivers, devices and caches, and tell what mends them."),
     "bench": ("raytide.cli.bench:bench", "Measure how fast a device traces rays."),

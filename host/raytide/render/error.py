@@ -17,6 +17,7 @@ shipped scenes (docs/error.md). That errs on the cautious side where an integran
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,7 +37,12 @@ class ErrorEstimate:
     high: float
     rmse: float
     slope: float  # a of V ~ n^-a over the samples so far
-    variance: np.ndarray  # (h, w, 3) float32, radiance^2
+    rough_variance: np.ndarray  # (h, w, 3) radiance^2, each pixel's own
+
+    @cached_property
+    def variance(self) -> np.ndarray:
+        """Variance of each pixel's mean, a mean over 3x3 pixels: (h, w, 3) float32, radiance^2."""
+        return smooth(self.rough_variance)
 
     @property
     def error(self) -> float:
@@ -84,7 +90,7 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
         high=value + half_band,
         rmse=float(np.sqrt(np.mean(now) * factor)),
         slope=slope,
-        variance=smooth(now * factor),
+        rough_variance=now * factor,
     )
 
 

@@ -10,6 +10,7 @@ from raytide.render.error import ErrorEstimate
 from raytide.scene.settings import RenderSettings
 
 MOST_SPP = 2**24  # what the sampler's numbers hold, and the scene's schema allows
+LEAST_SPP = 4  # below, no error is known
 SURE_SPP = 16  # below, the estimate may be a fifth or five times of the truth (docs/error.md): no render ends by it
 ESTIMATE_SHARE = 0.03  # of the render's time may go into looking at its error
 RATE_DOUBT = 0.05  # relative: how far the pace of coming passes may be from that of the last ones
@@ -79,7 +80,9 @@ class History:
     last_cost_s: float = 0.0
 
     def affordable(self) -> bool:
-        """Whether one more look keeps the cost of all within its share of the time so far."""
+        """Whether one more look keeps the cost of all within its share of the time so far, and can tell anything."""
+        if self.rows[-1].spp < LEAST_SPP:
+            return False
         return self.cost_s + self.last_cost_s <= ESTIMATE_SHARE * self.rows[-1].wall_s
 
     def add(self, row: Row) -> None:
@@ -88,7 +91,7 @@ class History:
 
     def complete(self, error: ErrorEstimate | None, cost_s: float = 0.0) -> None:
         """The last pass's error, and the seconds that it took to find."""
-        self.cost_s, self.last_cost_s = self.cost_s + cost_s, cost_s
+        self.cost_s, self.last_cost_s = self.cost_s + cost_s, cost_s or self.last_cost_s
         if error is not None and self.rows:
             self.error_row = replace(self.rows[-1], relmse=error.relmse, relmse_low=error.low, relmse_high=error.high)
             self.error, self.rows[-1] = error, self.error_row

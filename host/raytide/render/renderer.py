@@ -233,12 +233,15 @@ class Renderer:
         if not finished:
             self.stopped_by = "time" if self.stopped_by == "time" and not self._stop.is_set() else "interrupt"
             self._stop.clear()
-        if look and (self.stopped_by or history.affordable()):
+        if self.stopped_by and look:
+            film = self.film
+            history.complete(film.error)  # known at the end of every render; only looks before it are a cost
+        elif look and history.affordable():
             begun = time.perf_counter()
             film = self.film
             history.complete(film.error, cost := time.perf_counter() - begun)
             frame.seconds += cost
-            self.stopped_by = self.stopped_by or history.reached(self.limits)
+            self.stopped_by = history.reached(self.limits)
         return film
 
     @property
