@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 from collections.abc import Iterator
@@ -40,6 +41,16 @@ def found_devices() -> list[str]:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "device" in metafunc.fixturenames:
         metafunc.parametrize("device", found_devices(), indirect=True, scope="session")
+
+
+@pytest.fixture(autouse=True)
+def logging_as_before() -> Iterator[None]:
+    """Commands that run inside a test set up logging for the whole process: undo it."""
+    logger = logging.getLogger("raytide")
+    before = (list(logger.handlers), logger.level, logger.propagate, logger.disabled)
+    yield
+    logger.handlers[:], level, logger.propagate, logger.disabled = before
+    logger.setLevel(level)
 
 
 @pytest.fixture(scope="session")
