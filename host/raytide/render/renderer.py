@@ -94,6 +94,7 @@ class Renderer:
         self.times = {stage: self.times[stage] for stage in ("open_device",) if stage in self.times}
         with self._timed("pack"):
             self.flat: FlatScene = with_settings(self.scene.flatten(), self.settings)
+            self.scene_sha256 = self.scene.sha256()
             self.features: Features = features_of(self.flat, self.everything)
             self.packed: PackedScene = pack(self.flat, self.features)
         with self._timed("kernels"):
@@ -155,7 +156,6 @@ class Renderer:
         self.history = History()
         self.limits = limits_of(self.flat.render)
         self._stop.clear()
-        self.scene_sha256 = self.scene.sha256()
 
     def restart(self, seed: int | None = None) -> None:
         """Film and counters to zero: a new picture of the same scene, with another seed if one is given."""
@@ -257,7 +257,7 @@ class Renderer:
     @property
     def rays(self) -> RayCounts:
         """Rays of the picture so far."""
-        return self.waves.rays if self.waves else self._last_rays
+        return self._open()[1].rays
 
     @property
     def film(self) -> Film:
@@ -304,7 +304,6 @@ class Renderer:
         stay whole; they keep the scene's buffers for their layers."""
         if self.waves is not None:
             self._settle_film()
-            self._last_rays = self.waves.rays
         self.frame = self.waves = None
         if self._owns_device and hasattr(self, "device"):
             self.device.close()
