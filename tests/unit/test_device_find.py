@@ -6,7 +6,9 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -235,6 +237,16 @@ def test_intel_runtime_is_enabled_by_one_absolute_path(tmp_path: Path, monkeypat
     monkeypatch.setattr(icd, "wheel_folder", lambda: tmp_path)
     path = intel.enable_intel()
     assert path == tmp_path / "intel.icd" and path.read_text().strip() == str(library)
+
+
+def test_intel_runtime_is_the_library_and_no_file_of_like_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = ("lib/cache/libintelocl.so-gdb.pyc", "lib/libintelocl.so-gdb.py", "lib/libintelocl.so.2026")
+    for name in names:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    listed = [SimpleNamespace(locate=lambda name=name: tmp_path / name) for name in names]
+    monkeypatch.setattr(metadata, "files", lambda package: listed)
+    assert intel.runtime_library() == tmp_path / names[-1]
 
 
 def test_intel_runtime_that_is_not_there_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -17,14 +18,13 @@ def doctor(*, json: Flag = False, enable_intel: Flag = False) -> int:
     json
         Print the checks as JSON.
     enable_intel
-        Make Intel's CPU runtime (package intel-opencl-rt) visible, and stop.
+        Make Intel's CPU runtime (package intel-opencl-rt) visible first.
     """
     if enable_intel:
         from raytide.device.intel import enable_intel as write_icd
 
         path = write_icd()
-        print(f"wrote {path}; to undo it run: rm {path}")
-        return 0
+        print(f"wrote {path}; to undo it run: rm {path}", file=sys.stderr)
     from raytide.device.doctor import FAIL, OK, diagnose, intel_hint
 
     checks = diagnose([("exr", exr_round_trip)])

@@ -100,7 +100,8 @@ def icd_checks() -> list[Check]:
 def _icd_check(file: icd.IcdFile, platforms: list[dict[str, Any]], problem: str | None) -> Check:
     name = f"icd {file.path}"
     remove = f"rm {file.path}" if file.bundled else f"sudo rm {file.path}"
-    fix = "pip install --force-reinstall pocl-binary-distribution" if file.bundled else remove
+    package = intel.PACKAGES if file.path.name == intel.ICD_NAME else "pocl-binary-distribution"
+    fix = f"pip install --force-reinstall {package}" if file.bundled else remove
     if problem:
         return Check(name, FAIL, problem, remove)
     reasons = [one["problem"] for one in platforms if one["problem"]]
@@ -188,6 +189,6 @@ def _other(name: str, test: Callable[[], str]) -> Check:
 def intel_hint() -> str | None:
     """One line where Intel's CPU runtime is installed but not enabled."""
     folder = icd.wheel_folder()
-    if intel.runtime_library() and folder and not (folder / "intel.icd").exists():
+    if intel.runtime_library() and folder and not (folder / intel.ICD_NAME).exists():
         return "Intel's CPU runtime is installed but not visible; run: raytide doctor --enable-intel"
     return None
