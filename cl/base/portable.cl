@@ -14,7 +14,9 @@
 #define CLANG_BUILTINS 0
 #endif
 
-// A kernel that is 8 wide by itself loses 6 times its speed if Intel's runtime vectorises it across work-items too.
+// A kernel that is 8 wide by itself loses 6 times its speed if Intel's runtime vectorises it across work-items too. And
+// that vectoriser (2026.22) gives wrong components for structs of float3 that a switch returns: shading is hinted too,
+// which also made it a quarter faster.
 #ifdef cl_intel_vec_len_hint
 #define VEC_LEN_HINT __attribute__((intel_vec_len_hint(1)))
 #else

@@ -8,7 +8,7 @@
 
 // What lies under each pixel's centre: albedo and depth, normal, position and object. One ray a pixel, free of noise.
 // Race rule: every item owns its pixel. On a miss the object is NONE and the depth infinite.
-__attribute__((reqd_work_group_size(64, 1, 1)))
+VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials,
                 global const Camera *camera, global const Settings *settings, const uint first_pixel,
                 const uint pixels, global float4 *albedo_depth, global float4 *normal, global float4 *position_object)

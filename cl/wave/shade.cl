@@ -15,7 +15,7 @@
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
 // Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
-__attribute__((reqd_work_group_size(64, 1, 1)))
+VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials,
                   global const Light *lights, global const Settings *settings, global const uint *queue,
                   const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,

@@ -17,6 +17,7 @@ _LIGHTS = """
 #include "base/vector.cl"
 #include "accel/geometry.cl"
 #include "dispatch/light.cl"
+VEC_LEN_HINT
 kernel void probe_light(GEOMETRY_ARGUMENTS, const uint count, global const Light *lights, global const float4 *points,
                         global const float4 *u, global float4 *to, global float4 *arriving, global float4 *seen)
 {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import TracebackType
 from typing import Any
 
@@ -42,6 +43,7 @@ class Device:
         try:
             handle = cl.get_platforms()[info.place[0]].get_devices()[info.place[1]]
             handle = _limited(cl, handle, info, threads)
+            self.info = replace(info, compute_units=handle.max_compute_units)
             self._context = cl.Context([handle])
             self._queue = cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         except cl.Error as error:
