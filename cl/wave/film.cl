@@ -37,6 +37,7 @@ static int finite3(const float3 v)
 }
 
 // rows: 0 = D(n)^2 + D(n/2)^2 at the last power of four (w = n), 1 = the same at the one before, 2 = D^2 in waiting.
+// half_sum is the sum at the last power of two; its second floats are its own w and those of rows 1 and 2.
 static void keep_difference(global float4 *rows, const float3 squared, const uint n)
 {
     const int power_of_four = (n & 0x55555555u) != 0u;
@@ -47,8 +48,15 @@ static void keep_difference(global float4 *rows, const float3 squared, const uin
         rows[1] = rows[0];
         rows[0] = make4(squared + xyz(rows[2]), (float)n);
     } else {
-        rows[2] = make4(squared, (float)n);
+        rows[2] = make4(squared, 0.0f);
     }
+}
+
+// Mean of the second half less that of the first, from the sum of n samples and that of the first n / 2: the two
+// nearly cancel, so their first floats are subtracted exactly.
+static float3 half_difference(const TwoFloat3 sum, const float3 before_hi, const float3 before_lo, const uint n)
+{
+    return ((sum.hi - 2.0f * before_hi) + (sum.lo - 2.0f * before_lo)) * (2.0f / (float)n);
 }
 
 __attribute__((reqd_work_group_size(64, 1, 1)))
@@ -85,10 +93,13 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
         }
         const uint n = first_sample + s + 1u;
         if ((n & (n - 1u)) == 0u) {
-            const float3 before = xyz(half_sum[pixel]);
-            const float3 step = (((sum.hi - before) + sum.lo) - before) * (2.0f / (float)n);
-            keep_difference(differences + 3ul * pixel, step * step, n);
-            half_sum[pixel] = make4(sum.hi + sum.lo, 0.0f);
+            global float4 *rows = differences + 3ul * pixel;
+            const float3 before_lo = (float3)(half_sum[pixel].w, rows[1].w, rows[2].w);
+            const float3 step = half_difference(sum, xyz(half_sum[pixel]), before_lo, n);
+            keep_difference(rows, step * step, n);
+            half_sum[pixel] = make4(sum.hi, sum.lo.x);
+            rows[1].w = sum.lo.y;
+            rows[2].w = sum.lo.z;
         }
     }
     sum_hi[pixel] = make4(sum.hi, float_of(valid));

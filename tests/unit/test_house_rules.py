@@ -26,7 +26,8 @@ ARROWS = {
     "accel": {"kernels", "device"},
     "render": {"scene", "importers", "kernels", "device", "image", "accel"},
     "report": {"scene", "importers", "kernels", "device", "image", "accel", "render"},
-    "cli": {"scene", "importers", "kernels", "device", "image", "accel", "render", "report"},
+    "verify": {"scene", "kernels", "device", "accel", "render"},
+    "cli": {"scene", "importers", "kernels", "device", "image", "accel", "render", "report", "verify"},
     "__init__": {"scene", "device", "image", "render"},
     "__main__": {"cli"},
 }

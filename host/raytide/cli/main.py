@@ -25,6 +25,7 @@ COMMANDS = {
     "compare": ("raytide.cli.compare:compare", "Compare two pictures: errors, and whether they differ beyond noise."),
     "devices": ("raytide.cli.devices:devices", "List the OpenCL devices."),
     "doctor": ("raytide.cli.doctor:doctor", "Check drivers, devices and caches, and tell what mends them."),
+    "verify": ("raytide.cli.verify:verify", "Try numerically hard cases on a device."),
     "bench": ("raytide.cli.bench:bench", "Measure how fast a device traces rays."),
     "cache": ("raytide.cli.cache:app", "Show or clear the kernel cache."),
 }

@@ -1,0 +1,121 @@
+"""The film: sums that do not stall, bad samples left out and counted, half differences (cases F).
+
+The kernel of renders gets samples whose sums are known in float64; each of 64 pixels is one input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytide.kernels.constants import TILE, TILE_SIDE
+from raytide.kernels.features import Features
+from raytide.kernels.records import RECORDS
+from raytide.kernels.source import assemble
+from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
+from raytide.verify.lab import Lab, f4
+
+CHUNK = 4096  # samples of a launch
+
+
+@dataclass
+class Film:
+    """One tile of the film on the device."""
+
+    lab: Lab
+
+    def __post_init__(self) -> None:
+        device = self.lab.device
+        self.program = device.build({"film": assemble("wave/film.cl", Features())})["film"]
+        settings = np.zeros(1, RECORDS["Settings"].dtype)
+        settings["width"] = settings["height"] = TILE_SIDE
+        settings["tiles_x"] = 1
+        self.settings = device.upload(settings)
+        self.rows = {name: device.upload(np.zeros((size * TILE, 4), np.float32))
+                     for name, size in (("sum_hi", 1), ("sum_lo", 1), ("half_sum", 1), ("differences", 3))}  # fmt: skip
+        self.health = device.upload(np.zeros(64, np.uint32))
+        self.taken = 0
+
+    def add(self, samples: np.ndarray) -> None:
+        """Samples (n, TILE, 3) float32 of the next n sample numbers."""
+        for first in range(0, len(samples), CHUNK):
+            part = samples[first : first + CHUNK]
+            rows = np.ones((*part.shape[:2], 4), np.float32)
+            rows[..., :3] = part
+            numbers = (0, 1, self.taken, len(part))
+            self.lab.device.launch(self.program, "film", TILE, TILE, self.settings, *map(np.uint32, numbers),
+                                   self.lab.device.upload(rows), *self.rows.values(), self.health)  # fmt: skip
+            self.taken += len(part)
+
+    def read(self, name: str) -> np.ndarray:
+        """Rows (pixels, k, 4) float32 of a buffer."""
+        count = 3 if name == "differences" else 1
+        return self.lab.device.read(self.rows[name], np.float32, 4 * count * TILE).reshape(TILE, count, 4)
+
+    def sums(self) -> np.ndarray:
+        """Sums (pixels, 3) in float64."""
+        return self.read("sum_hi")[:, 0, :3].astype(np.float64) + self.read("sum_lo")[:, 0, :3]
+
+
+@case("F1", "film", "a quarter of a million exponential samples of mean 0.18 a pixel (full: 4 million)",
+      "sum within 1e-6 of float64", "a float32 sum is 0.99 % off after 1e7 samples, 31 standard errors")  # fmt: skip
+def long_sums(lab: Lab) -> Iterator[Trial]:
+    rounds = lab.count(4, 64)
+
+    def judge(inputs: Inputs) -> Judged:
+        film, truth = Film(lab), np.zeros((TILE, 3))
+        for seed in range(rounds):
+            samples = f4(lab.rng(seed).exponential(0.18, (1 << 16, TILE, 1)) * [1.0, 0.5, 2.0])
+            samples *= inputs["scale"][:, None]
+            film.add(samples)
+            truth += samples.sum(0, dtype=np.float64)
+        error = np.abs(film.sums() / truth - 1).max(1)
+        return Judged(bounded(error, 1e-6), {"largest error": f"{error.max():.1e}"})
+
+    yield Trial("", {"scale": f4(2.0) ** np.arange(-32, 32, dtype=np.float32)}, judge)
+
+
+@case("F3", "film", "half differences of samples of mean 1000 and deviation 0.1",
+      "at powers of four, D(n)^2 + D(n/2)^2 within 1 % of what is expected of it",
+      "E[x^2] - E[x]^2 gives -467 for 0.01")  # fmt: skip
+def half_differences(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        film, samples = Film(lab), f4(inputs["mean"][:, None] + lab.rng(403).normal(0, 0.1, (4096, TILE, 3)))
+        film.add(samples)
+        rows, wide = film.read("differences")[..., :3].astype(np.float64), samples.astype(np.float64)
+
+        def squared(n: int) -> np.ndarray:
+            return np.asarray((wide[n // 2 : n].mean(0) - wide[: n // 2].mean(0)) ** 2)
+
+        truth = np.stack([squared(4096) + squared(2048), squared(1024) + squared(512)], 1)
+        expected = 12 * 0.1**2 / np.array([4096, 1024])[:, None]  # E[D(n)^2] = 4 V / n
+        error = (np.abs(rows[:, :2] - truth) / expected).max((1, 2))
+        return Judged(bounded(error, 0.01), {"largest error": f"{error.max():.1e}"})
+
+    yield Trial("", {"mean": np.full(TILE, 1000.0, np.float32)}, judge)
+
+
+@case("F4", "film", "NaN, infinite and negative samples among good ones",
+      "left out, counted by kind; the pixel's sum is that of the others",
+      "NaN, or swallowed by min and max")  # fmt: skip
+def bad_samples(lab: Lab) -> Iterator[Trial]:
+    bad = f4([np.nan, np.inf, -np.inf, -1e-30])
+
+    def judge(inputs: Inputs) -> Judged:
+        film, samples = Film(lab), f4(lab.rng(404).random((256, TILE, 3)))
+        where = lab.rng(405).random((256, TILE)) < 0.1
+        kind = lab.rng(406).integers(4, size=(256, TILE))
+        samples[where, inputs["channel"][0]] = bad[kind[where]]
+        film.add(samples)
+        truth = np.where(where[..., None], 0.0, samples.astype(np.float64)).sum(0)
+        error = np.abs(film.sums() - truth).max(1)
+        counted = film.read("sum_hi")[:, 0, 3].view(np.uint32)
+        health = lab.device.read(film.health, np.uint32, 64)
+        numbers = (int((where & (kind == 3)).sum()), int((where & (kind < 3)).sum()))
+        told = sorted(int(x) for x in health if x)
+        excess = joined(bounded(error, 1e-6), forbidden(counted != 256 - where.sum(0)))
+        return Judged(excess, {"counted": told}, {"counts as injected": told == sorted(numbers)})
+
+    yield Trial("", {"channel": np.zeros(TILE, np.uint32)}, judge)

@@ -1,0 +1,157 @@
+"""The bench on which cases are tried: a device, the product's own tracing kernels, random numbers, and records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raytide.accel import FlatGeometry, build_tree, tree_sources
+from raytide.device import Buffer, Device, Program
+from raytide.kernels.features import Features, kind_number, kinds
+from raytide.kernels.records import NONE, RECORDS
+from raytide.kernels.source import assemble
+
+FREE = np.float32(3.0e38)  # t_max of a ray that nothing ends
+ULP = 2.0**-23  # of 1
+LOCAL = 64
+
+
+@dataclass
+class Lab:
+    """`full` asks for the catalogue's counts, else for a fraction that takes seconds."""
+
+    device: Device
+    full: bool = False
+
+    def __post_init__(self) -> None:
+        self._programs: dict[bool, Program] = {}
+
+    def count(self, quick: int, full: int) -> int:
+        """How many inputs to try."""
+        return full if self.full else quick
+
+    def rng(self, seed: int) -> np.random.Generator:
+        """Random numbers of one trial; the same in every run, so that a failure can be looked at."""
+        return np.random.default_rng(seed)
+
+    def tracer(self, geometry: FlatGeometry, builder: str = "sah") -> Tracer:
+        """Something to trace rays through `geometry` with; builder "none" is brute force."""
+        tree = builder != "none"
+        if tree not in self._programs:
+            features = Features(tree=tree, triangles=True, shapes=tuple(kinds("shape")))
+            source = assemble("probe/trace.cl", features)
+            self._programs[tree] = self.device.build({"trace": source})["trace"]
+        return Tracer(self.device, self._programs[tree], geometry, builder)
+
+    def spheres(self, *records: np.ndarray) -> Tracer:
+        """A tracer of Shape records, by brute force."""
+        return self.tracer(flat(shapes=np.concatenate(records)), "none")
+
+
+class Tracer:
+    """The kernels of cl/probe/trace.cl on one geometry."""
+
+    def __init__(self, device: Device, program: Program, geometry: FlatGeometry, builder: str) -> None:
+        self.device, self.program, self.geometry = device, program, geometry
+        device.build(tree_sources(geometry, builder))
+        self.tree = build_tree(geometry, builder, device)
+        normals = np.zeros((0, 4), np.float32)
+        arrays = (geometry.triangles, geometry.vertices, normals, geometry.shapes)
+        counts = (self.tree.block_count, len(geometry.triangles), len(geometry.shapes), geometry.plane_count)
+        buffers = [*self.tree.buffers(device), *map(device.upload, arrays)]
+        self._scene: list[Buffer | np.uint32] = [*buffers, *map(np.uint32, counts)]
+
+    def trace(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Records Hit (n,) of the closest hits of records Ray (n,), and whether any-hit met something, (n,) bool."""
+        count = len(rays)
+        hits, met = self.device.empty(16 * count), self.device.empty(4 * count)
+        self._launch("probe_trace", count, self.device.upload(rays), hits, met)
+        found = self.device.read(hits, RECORDS["Hit"].dtype, count)
+        return found, self.device.read(met, np.uint32, count) != 0
+
+    def surfaces(self, rays: np.ndarray, hits: np.ndarray, onward: np.ndarray) -> dict[str, np.ndarray]:
+        """Surfaces at hits: p, ng, n (n, 3), error (n,), and `origin` (n, 3) of rays that leave towards `onward`."""
+        count = len(rays)
+        rows = np.zeros((count, 4, 4), np.float32)
+        rows[:, 0, :3] = onward
+        out = self.device.upload(rows)
+        self._launch("probe_surface", count, self.device.upload(rays), self.device.upload(hits), out)
+        got = self.device.read(out, np.float32, 16 * count).reshape(count, 4, 4)
+        names = {"p": 0, "ng": 1, "n": 2, "origin": 3}
+        return {name: got[:, row, :3] for name, row in names.items()} | {"error": got[:, 0, 3]}
+
+    def _launch(self, kernel: str, count: int, *arguments: Buffer) -> None:
+        self.device.launch(self.program, kernel, count, LOCAL, *self._scene, np.uint32(count), *arguments)
+
+
+def flat(
+    vertices: np.ndarray | Sequence[Sequence[float]] = (),
+    faces: np.ndarray | Sequence[Sequence[int]] = (),
+    shapes: np.ndarray | None = None,
+    planes: int = 0,
+) -> FlatGeometry:
+    """Geometry of (V, 3) points, rounded to float32, (T, 3) indices, and records Shape."""
+    points = np.zeros((max(len(vertices), 1), 4), np.float32)
+    rows = np.zeros((len(faces), 4), np.uint32)
+    if len(vertices):
+        points[: len(vertices), :3] = vertices
+    if len(faces):
+        rows[:, :3] = faces
+    return FlatGeometry(points, rows, np.zeros(0, RECORDS["Shape"].dtype) if shapes is None else shapes, planes)
+
+
+def rays_of(origin: np.ndarray, direction: np.ndarray, t_max: Any = FREE, left: Any = NONE) -> np.ndarray:
+    """Records Ray (n,) from (n, 3) arrays, either of which may be one row for all; `left`: the primitive they left."""
+    count = max(len(np.atleast_2d(origin)), len(np.atleast_2d(direction)))
+    rays = np.zeros(count, RECORDS["Ray"].dtype)
+    rays["origin"][:, :3], rays["direction"][:, :3] = origin, direction
+    rays["direction"][:, 3] = t_max
+    rays["origin"].view(np.uint32)[:, 3] = left
+    return rays
+
+
+def shape_record(kind: str, center: Any, axes: Any) -> np.ndarray:
+    """One Shape record (1,); axes: rows u, v, w in float64."""
+    row = np.zeros(1, RECORDS["Shape"].dtype)
+    rows = np.asarray(axes, np.float64)
+    row["kind"] = kind_number("shape", kind)
+    row["center"][0, :3] = center
+    for name, axis, dual in zip("uvw", rows, np.linalg.inv(rows).T, strict=True):
+        row[name][0] = (*axis, 1.0 / (axis @ axis))
+        row["inverse_" + name][0, :3] = dual
+    if kind == "sphere":
+        row["center"][0, 3] = np.linalg.norm(rows[0])
+    return row
+
+
+def sphere_record(center: object, radius: float) -> np.ndarray:
+    """A sphere."""
+    return shape_record("sphere", center, np.eye(3) * float(radius))
+
+
+def plane_record(point: object, normal: object) -> np.ndarray:
+    """An infinite plane."""
+    n = np.asarray(normal, np.float64)
+    n = n / np.linalg.norm(n)
+    u = np.cross(n, np.eye(3)[int(abs(n[0]) > 0.8)])
+    u /= np.linalg.norm(u)
+    return shape_record("plane", point, [u, np.cross(n, u), n])
+
+
+def f4(x: object) -> np.ndarray:
+    """An array of float32, rounded to nearest."""
+    return np.asarray(x, np.float32)
+
+
+def unit_vectors(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Directions spread evenly, (count, 3) float64."""
+    v = rng.normal(size=(count, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+def ulp(x: object) -> np.ndarray:
+    """Spacing of float32 at |x|, float64."""
+    return np.spacing(np.abs(np.asarray(x, np.float32))).astype(np.float64)

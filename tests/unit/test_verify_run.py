@@ -1,0 +1,94 @@
+"""Laws of verdicts: what falls short is told with its worst input, errors end one case only, files are checked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytide.cli.main import main
+from raytide.cli.verify import earlier
+from raytide.errors import DeviceError, UsageError
+from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, replay, run_cases
+from raytide.verify.case import Judged, bounded, case, forbidden
+
+
+def made(measured: list[float], whole: bool = True) -> Case:
+    def trials(lab: object) -> Iterator[Trial]:
+        def judge(inputs: dict[str, np.ndarray]) -> Judged:
+            return Judged(bounded(inputs["x"], 2.0), {"largest": float(inputs["x"].max())}, {"the whole": whole})
+
+        yield Trial("one", {"x": np.float32(measured)}, judge)
+
+    return Case("X1", "film", "title", "bar", "naive", trials)
+
+
+LAB: Any = object()
+
+
+def test_the_bar_is_a_closed_end_and_nan_is_beyond_it() -> None:
+    assert judge_case(made([1.0, -2.0]), LAB).state == "holds"
+    short = judge_case(made([1.0, 2.5, 0.0]), LAB)
+    assert short.state == "falls short" and short.excess == 1.25
+    assert short.worst == {"trial": "one", "inputs": {"x": {"type": "float32", "value": 2.5}}}
+    assert judge_case(made([1.0, np.nan]), LAB).state == "falls short"
+    assert judge_case(made([1.0], whole=False), LAB).state == "falls short"
+    assert bounded(np.array([0.0, 1.0]), 0.0).tolist() == [0.0, np.inf]
+    assert forbidden(np.array([True, False])).tolist() == [np.inf, 0.0]
+
+
+def test_an_error_ends_one_case_and_not_the_others() -> None:
+    def broken(lab: object) -> Iterator[Trial]:
+        raise DeviceError("no memory")
+        yield
+
+    told: list[str] = []
+    bad = Case("X2", "film", "title", "bar", "", broken)
+    found = run_cases([bad, made([1.0])], LAB, lambda one: told.append(one.state))
+    assert [one.state for one in found] == ["error", "holds"] == told and found[0].reason == "no memory"
+
+
+def test_a_worst_input_survives_json_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    value = float(np.nextafter(np.float32(2.0), np.float32(3.0)))
+    monkeypatch.setitem(CASES, "X1", made([value, 0.1]))
+    record = json.loads(json.dumps(asdict(judge_case(CASES["X1"], LAB))))
+    alone = replay(record, LAB)
+    assert alone.state == "falls short" and alone.excess == value / 2 and alone.inputs == 1
+    record["worst"]["trial"] = "two"
+    with pytest.raises(UsageError, match="trial 'two'"):
+        replay(record, LAB)
+    with pytest.raises(UsageError, match="without a worst input"):
+        replay({"id": "X1", "worst": None}, LAB)
+
+
+def test_cases_are_chosen_by_group_and_by_id() -> None:
+    assert {one.group for one in CASES.values()} <= set(GROUPS)
+    assert [one.id for one in chosen_cases(case="T2")] == ["T2"]
+    assert all(one.group == "film" for one in chosen_cases(group="film"))
+    with pytest.raises(UsageError, match="geometry"):
+        chosen_cases(group="nonsense")
+    with pytest.raises(UsageError, match="T2"):
+        chosen_cases(case="Z9")
+    with pytest.raises(ValueError, match="stands twice"):
+        case("T2", "geometry", "title", "bar")(lambda lab: iter(()))
+
+
+def test_a_file_that_is_no_verdict_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "v.json"
+    for text in ("{", "[]", '{"verdicts": [1]}', '{"verdicts": []}'):
+        path.write_text(text)
+        with pytest.raises(UsageError, match="replay"):
+            earlier(path, None)
+
+
+def test_the_list_names_every_case(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "--list"]) == 0
+    printed = capsys.readouterr().out
+    assert all(f"{one.id} " in printed and one.bar in printed for one in CASES.values())
+    assert main(["verify", "--quick", "--full"]) == 2
+    assert main(["verify", "--case", "Z9"]) == 2

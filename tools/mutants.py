@@ -1,0 +1,144 @@
+"""Deliberate bugs that the tests must catch: puts each in, runs the tests that should fail, prints a table.
+
+    python3 tools/run.py python tools/mutants.py [--only WORD] [--list] [--json FILE]
+
+Every entry of tools/mutants.toml changes one place of a copy of the project, never the project itself. A mutant is
+killed when a named test fails, alive when they all pass, stale when its place is not there exactly once, and broken
+when a test ends by something else than an assertion (a kernel that no longer compiles proves nothing about the laws).
+Exit code 0: all killed; 4 otherwise. About twenty seconds each; not part of CI.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PARTS = ("cl", "host", "scenes", "tests", "tools", "docs", "pyproject.toml", "README.md", "LICENSE")
+LIMIT = 600  # seconds for the tests of one mutant
+BUILD_FAULTS = ("DeviceError", "SyntaxError", "ImportError", "ModuleNotFoundError", "CL_BUILD", "error: ")
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One bug: `find` in `file` becomes `replace`; the pytest arguments `tests` should fail then."""
+
+    name: str
+    file: str
+    find: str
+    replace: str
+    tests: list[str]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of it: "killed", "alive", "stale" or "broken", by which test, after how many seconds."""
+
+    name: str
+    state: str
+    by: str
+    seconds: float
+
+
+def main() -> int:
+    """Exit code: 0 where every mutant is killed, else 4."""
+    wanted = options()
+    mutants = [one for one in load_mutants() if wanted.only in one.name]
+    if wanted.list:
+        for one in mutants:
+            print(f"{one.name}  ({one.file})")
+        return 0
+    verdicts = []
+    with tempfile.TemporaryDirectory(prefix="raytide-mutants-") as folder:
+        for one in mutants:
+            verdicts.append(judge(one, Path(folder)))
+            print(f"{verdicts[-1].state:>7}  {one.name}  {verdicts[-1].seconds:.0f} s", file=sys.stderr, flush=True)
+    print_table(mutants, verdicts)
+    if wanted.json:
+        wanted.json.write_text(json.dumps([asdict(one) for one in verdicts], indent=1) + "\n", encoding="utf-8")
+    return 0 if all(one.state == "killed" for one in verdicts) else 4
+
+
+def options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default="", help="names that hold this word")
+    parser.add_argument("--list", action="store_true", help="print the names and stop")
+    parser.add_argument("--json", type=Path, help="write the verdicts to this file")
+    return parser.parse_args()
+
+
+def load_mutants() -> list[Mutant]:
+    """All entries of mutants.toml, in order."""
+    rows = tomllib.loads((ROOT / "tools" / "mutants.toml").read_text(encoding="utf-8"))["mutant"]
+    return [Mutant(**row) for row in rows]
+
+
+def judge(mutant: Mutant, folder: Path) -> Verdict:
+    """Copy, change, test. The copies share one cache, which holds programs by the digest of their source."""
+    start = time.perf_counter()
+    copy = folder / "copy"
+    shutil.rmtree(copy, ignore_errors=True)
+    copy.mkdir()
+    for part in PARTS:
+        source = ROOT / part
+        if source.is_dir():
+            shutil.copytree(source, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(source, copy / part)
+    target = copy / mutant.file
+    text = target.read_text(encoding="utf-8")
+    if text.count(mutant.find) != 1:
+        return Verdict(mutant.name, "stale", f"found {text.count(mutant.find)} times", time.perf_counter() - start)
+    target.write_text(text.replace(mutant.find, mutant.replace), encoding="utf-8")
+    state, by = run_tests(copy, mutant.tests, folder / "cache")
+    return Verdict(mutant.name, state, by, time.perf_counter() - start)
+
+
+def run_tests(copy: Path, tests: list[str], cache: Path) -> tuple[str, str]:
+    """Verdict of the tests in `copy` on the default device, and the first test that failed."""
+    environment = {**os.environ, "PYTHONPATH": str(copy / "host"), "RAYTIDE_TEST_CACHE": str(cache)}
+    environment.setdefault("RAYTIDE_TEST_DEVICES", default_device())
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--tb=short", *tests]
+    try:
+        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=LIMIT)
+    except subprocess.TimeoutExpired:
+        return "broken", f"no end within {LIMIT} s"
+    if done.returncode == 0:
+        return "alive", ""
+    failed = re.search(r"^FAILED (\S+?)(?: - |$)", done.stdout, re.MULTILINE)
+    if done.returncode != 1 or not failed:
+        return "broken", (done.stdout + done.stderr).strip().splitlines()[-1]
+    reasons = [line for line in done.stdout.splitlines() if line.startswith("E ")]
+    faults = [line for line in reasons if any(fault in line for fault in BUILD_FAULTS)]
+    return ("broken", faults[0]) if faults else ("killed", failed[1].replace("tests/", ""))
+
+
+def default_device() -> str:
+    """Id of the device that a render takes where none is named."""
+    sys.path.insert(0, str(ROOT / "host"))
+    from raytide.device import pick
+
+    return pick().id
+
+
+def print_table(mutants: list[Mutant], verdicts: list[Verdict]) -> None:
+    """Markdown, one row a mutant."""
+    print("| bug | where | verdict | test that failed first |\n| --- | --- | --- | --- |")
+    for mutant, verdict in zip(mutants, verdicts, strict=True):
+        print(f"| {mutant.name} | `{mutant.file}` | {verdict.state} | {verdict.by} |")
+    killed = sum(one.state == "killed" for one in verdicts)
+    print(f"\n{killed} of {len(verdicts)} killed")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
