@@ -37,3 +37,18 @@ kernel void probe_surface(GEOMETRY_ARGUMENTS, const uint count, global const Ray
     out[4u * i + 2u] = make4(s.n, 0.0f);
     out[4u * i + 3u] = make4(origin, 0.0f);
 }
+
+// The slab test alone: which lanes of its own node each ray meets.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
+kernel void probe_boxes(GEOMETRY_ARGUMENTS, const uint count, global const Node *own_nodes, global const Ray *rays,
+                        global uint *masks)
+{
+    const uint i = (uint)get_global_id(0);
+    TraceRay ray;
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    if (i >= count || !prepare_ray(geometry_extent(g), rays[i], &ray)) {
+        return;
+    }
+    float8 enter;
+    masks[i] = boxes_met8(own_nodes + i, slab_ray(ray), ray.t_max, &enter);
+}

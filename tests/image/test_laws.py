@@ -253,7 +253,7 @@ def test_thin_lens_keeps_the_plane_of_focus_sharp_and_blurs_the_rest(device: Dev
     """A glowing half plane's edge: sharp at the distance of focus, spread by the lens at twice that distance."""
 
     def edge(distance: float) -> np.ndarray:
-        scene = rt.Scene(camera=rt.ThinLens(origin=(0, 0, 0), target=(0, 0, -1), fov=20, size=(33, 5),
+        scene = rt.Scene(camera=rt.ThinLens(origin=(0, 0, 0), target=(0, 0, -1), fov=0.5, size=(33, 5),
                                             aperture=0.05, focus=2.0))  # fmt: skip
         scene.add(rt.rect(center=(5, 0, -distance), u=(5, 0, 0), v=(0, 5, 0)), rt.Emit(1.0), name="lit")
         return render(device, scene, spp=256, filter="centre")[2, :, 0]
@@ -261,10 +261,21 @@ def test_thin_lens_keeps_the_plane_of_focus_sharp_and_blurs_the_rest(device: Dev
     sharp, blurred = edge(2.0), edge(4.0)
     assert np.count_nonzero((sharp > 0.01) & (sharp < 0.99)) <= 1
     half_width = 0.05 * (1 / 2 - 1 / 4)  # of the blur on the image plane at distance 1
-    pixel = 2 * np.tan(np.radians(10)) / 5
+    pixel = 2 * np.tan(np.radians(0.25)) / 5  # the blur is 14 pixels wide
     x = (np.arange(33) - 16) * pixel / half_width
     share = 0.5 + (np.clip(x, -1, 1) * np.sqrt(1 - np.clip(x, -1, 1) ** 2) + np.arcsin(np.clip(x, -1, 1))) / np.pi
     np.testing.assert_allclose(blurred, share, atol=0.02)
+
+
+def test_roulette_changes_no_mean_where_light_comes_from_one_side(device: Device) -> None:
+    """Ending paths by chance costs noise, never light: also where what a path would meet depends on its direction."""
+    scene = rt.Scene(camera=rt.Orthographic(origin=(0, 5, 0), target=(0, 0, 0), up=(0, 0, 1), height=0.5, size=(8, 8)))
+    scene.add(rt.rect(center=(0, 0, 0), u=(4, 0, 0), v=(0, 0, -4)), rt.Diffuse(0.4), name="floor")
+    for side, name in ((1, "right"), (-1, "left")):
+        wall = rt.rect(center=(side * 0.6, 1, 0), u=(0, 0, side * 2.0), v=(0, 1, 0))
+        scene.add(wall, rt.Emit(1.0) if side == 1 else rt.Diffuse(0.4), name=name)
+    always, never = (render(device, scene, spp=1024, max_depth=4, roulette_start=start).mean() for start in (1, 0))
+    assert abs(always / never - 1) < 0.01
 
 
 def test_orthographic_camera_shows_true_sizes(device: Device) -> None:

@@ -83,6 +83,12 @@ class Tracer:
         names = {"p": 0, "ng": 1, "n": 2, "origin": 3}
         return {name: got[:, row, :3] for name, row in names.items()} | {"error": got[:, 0, 3]}
 
+    def boxes(self, nodes: np.ndarray, rays: np.ndarray) -> np.ndarray:
+        """Mask (n,) uint32 of the lanes of nodes[i] that ray i meets: the slab test alone, records Node (n,)."""
+        out = self.device.empty(4 * len(rays))
+        self._launch("probe_boxes", len(rays), self.device.upload(nodes), self.device.upload(rays), out)
+        return self.device.read(out, np.uint32, len(rays))
+
     def _launch(self, kernel: str, count: int, *arguments: Buffer) -> None:
         self.device.launch(self.program, kernel, count, LOCAL, *self._scene, np.uint32(count), *arguments)
 

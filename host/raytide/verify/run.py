@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+import raytide.verify.boxes
 import raytide.verify.film
 import raytide.verify.planes
 import raytide.verify.spheres
