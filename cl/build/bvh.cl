@@ -11,3 +11,4 @@
 #include "build/collapse.cl"
 #include "build/pack.cl"
 #include "build/refit.cl"
+#include "build/reinsert_order.cl"

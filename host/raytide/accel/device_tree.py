@@ -9,6 +9,7 @@ import numpy as np
 from raytide.accel.boxes import centers_of, edge_scale, shape_boxes
 from raytide.accel.limits import kernel_constant
 from raytide.accel.morton import grid_scale, refined_order
+from raytide.accel.reinsertion import reinserted
 from raytide.accel.tree import FlatGeometry, Packed
 from raytide.accel.wide import GROUP_NAME, Cut
 from raytide.kernels import RECORDS, Features, Source, assemble
@@ -38,11 +39,12 @@ class DeviceBuilder:
     def __init__(self, geometry: FlatGeometry, device: Device) -> None:
         self.geometry, self.device = geometry, device
         self.program = device.build({"bvh": build_source()})["bvh"]
-        self._count = geometry.primitive_count
+        self.count = geometry.primitive_count
         self._chunk = _CHUNK.get(device.kind, _CHUNK_OTHERWISE)
         self.vertices, self.triangles = device.upload(geometry.vertices), device.upload(geometry.triangles)
         self._boxes = self._primitive_boxes()
         self._read_bounds()
+        self._sah_tree: tuple[Buffer, Buffer] | None = None
 
     @property
     def kernel_build_s(self) -> float:
@@ -54,31 +56,40 @@ class DeviceBuilder:
         self.device.launch(self.program, kernel, items, local, np.uint32(items), *arguments, label="build")
 
     def _primitive_boxes(self) -> Buffer:
-        boxes = self.device.empty(self._count * 32)
+        boxes = self.device.empty(self.count * 32)
         triangles = len(self.geometry.triangles)
         if triangles:
             self.launch("triangle_boxes", triangles, self.vertices, self.triangles, boxes)
-        if self._count > triangles:
+        if self.count > triangles:
             self.device.write(boxes, shape_boxes(self.geometry), offset=32 * triangles)
         return boxes
 
     def _read_bounds(self) -> None:
         """Low and high doubled centres of all primitives, and the scale of the whole scene."""
-        chunks = -(-self._count // self._chunk)
+        chunks = -(-self.count // self._chunk)
         buffer = self.device.empty(chunks * 64)
-        self.launch("scene_boxes", chunks, np.uint32(self._count), np.uint32(self._chunk), self._boxes, buffer, local=1)
+        self.launch("scene_boxes", chunks, np.uint32(self.count), np.uint32(self._chunk), self._boxes, buffer, local=1)
         rows = self.device.read(buffer, np.float32, chunks * 16).reshape(chunks, 2, 8).min(axis=0)
-        self._scale = np.float32(edge_scale(rows[:1])[0])
+        self.scale = np.float32(edge_scale(rows[:1])[0])
         self._low, self._high = rows[1, :3], -rows[1, 4:7]
 
     def tree(self, builder: str) -> DeviceTree:
-        """The binary tree by "sah" or "lbvh"; "sah" uses up the builder's boxes, so it comes last."""
-        levels = self.device.empty(max(self._count - 1, 1) * 2)
-        ordered = self._sah(levels) if builder == "sah" else self._lbvh(levels)
-        return DeviceTree(self, ordered, levels, self._count, self._scale)
+        """The binary tree by "sah", "sah-hq" or "lbvh"; once the first two used up the builder's boxes, only "sah"."""
+        if builder == "lbvh":
+            levels = self.device.empty(max(self.count - 1, 1) * 2)
+            return DeviceTree(self, self._lbvh(levels), levels, self.count, self.scale)
+        if self._sah_tree is None:
+            levels = self.device.empty(max(self.count - 1, 1) * 2)
+            self._sah_tree = self._sah(levels), levels
+        best = DeviceTree(self, *self._sah_tree, self.count, self.scale)
+        if builder == "sah-hq" and self.count > 2:
+            for ordered, levels in reinserted(self, *self._sah_tree, self.scale):
+                tree = DeviceTree(self, ordered, levels, self.count, self.scale)
+                best = tree if tree.cost < best.cost else best
+        return best
 
     def _lbvh(self, levels: Buffer) -> Buffer:
-        device, count = self.device, self._count
+        device, count = self.device, self.count
         codes, order, ordered = device.empty(count * 8), device.empty(count * 4), device.empty(count * 32)
         scale = np.float32(grid_scale(self._low, self._high))
         self.launch("morton_codes", count, *self._low, scale, self._boxes, codes, order)
@@ -93,11 +104,11 @@ class DeviceBuilder:
     def _sort(self, keys: Buffer, values: Buffer) -> None:
         """Stable sort by 63-bit keys, in place: 8 passes of 8 bits end where they began."""
         device, chunk = self.device, np.uint32(4 * self._chunk)
-        chunks = -(-self._count // int(chunk))
-        other_keys, other_values = device.empty(self._count * 8), device.empty(self._count * 4)
+        chunks = -(-self.count // int(chunk))
+        other_keys, other_values = device.empty(self.count * 8), device.empty(self.count * 4)
         histogram, totals = device.empty(chunks * _DIGITS * 4), device.empty(_DIGITS * 4)
         for shift in range(0, 64, 8):
-            pass_over: tuple[Buffer | np.uint32, ...] = (np.uint32(self._count), chunk, np.uint32(shift), keys)
+            pass_over: tuple[Buffer | np.uint32, ...] = (np.uint32(self.count), chunk, np.uint32(shift), keys)
             self.launch("radix_count", chunks, *pass_over, histogram, local=1)
             self.launch("radix_rows", _DIGITS, np.uint32(chunks), histogram, totals)
             self.launch("radix_move", chunks, *pass_over, values, histogram, totals, other_keys, other_values, local=1)
@@ -105,7 +116,7 @@ class DeviceBuilder:
 
     def _refine(self, codes: Buffer, order: Buffer, ordered: Buffer, levels: Buffer) -> None:
         """Orders runs of equal codes again, on the host: rare."""
-        device, count = self.device, self._count
+        device, count = self.device, self.count
         boxes = device.read(self._boxes, np.float32, count * 8).reshape(count, 8)
         centers = centers_of(boxes)
         new_order, new_levels = refined_order(
@@ -115,7 +126,7 @@ class DeviceBuilder:
         device.write(levels, new_levels)
 
     def _sah(self, levels: Buffer) -> Buffer:
-        device, count = self.device, self._count
+        device, count = self.device, self.count
         even, odd = self._boxes, device.empty(count * 32)  # the boxes in id order end here
         limit = max(_SUBTREE.get(device.kind, _SUBTREE_OTHERWISE), kernel_constant("build/sah_subtree.cl", "SWEEP"))
         tasks, active = [], np.array([[0, count]], np.int64)
@@ -189,7 +200,9 @@ class DeviceTree:
                 self._children, self._boxes, self._costs,
             )  # fmt: skip
         self.root = int(by_level[0])
-        if device.read(self._costs, np.uint32, 1, offset=32 * self.root + 28)[0] & _IS_GROUP:
+        costs = device.read(self._costs, np.uint32, 8, offset=32 * self.root)
+        self.cost = float(costs[:1].view(np.float32)[0])  # of the wide tree, up to a factor
+        if costs[7] & _IS_GROUP:
             self.root |= GROUP_NAME
 
     def expand(self, roots: np.ndarray, by_levels: bool) -> np.ndarray:
