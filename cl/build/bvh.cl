@@ -7,7 +7,7 @@
 #include "build/radix.cl"
 #include "build/sah_top.cl"
 #include "build/sah_subtree.cl"
-#include "build/hierarchy.cl"
+#include "build/join.cl"
 #include "build/collapse.cl"
 #include "build/pack.cl"
 #include "build/refit.cl"

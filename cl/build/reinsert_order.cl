@@ -1,24 +1,30 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "build/reinsert_move.cl"
 #include "build/hierarchy.cl"
-// Between the tree that `link_nodes` makes (build/hierarchy.cl) and the rows of build/reinsert_search.cl.
+// Between a binary tree as build/hierarchy.cl describes it and the rows of build/reinsert_search.cl.
 
-// Rows of the children of each inner node, and their parents. names: children as link_nodes gave them.
-kernel void reinsert_rows(const uint inner, global const uint *names, global uint *children, global uint *parents)
+// Rows of the children of each inner node, their parents, and boxes with areas of the inner nodes.
+kernel void reinsert_rows(const uint inner, const float scale, global const uint4 *links,
+                          global const float8 *node_boxes, global uint *children, global uint *parents,
+                          global float8 *boxes)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= inner) {
         return;
     }
-    for (uint side = 0; side < 2u; ++side) {
-        const uint name = names[2u * i + side];
-        const uint row = (name & LEAF_NAME) != 0u ? inner + (name & ~LEAF_NAME) : name;
-        children[2u * i + side] = row;
-        parents[row] = i;
-    }
+    const uint4 link = links[i];
+    const uint left = (link.z & LEAF_NAME) != 0u ? inner + (link.z & ~LEAF_NAME) : link.z;
+    const uint right = (link.w & LEAF_NAME) != 0u ? inner + (link.w & ~LEAF_NAME) : link.w;
+    children[2u * i] = left;
+    children[2u * i + 1u] = right;
+    parents[left] = i;
+    parents[right] = i;
+    float8 box = node_boxes[i];
+    box.s3 = half_area(box, scale);
+    boxes[i] = box;
 }
 
-// Boxes with areas of the primitives' rows.
+// The same of the primitives' rows.
 kernel void reinsert_leaves(const uint count, const float scale, global const float8 *primitives, global float8 *boxes)
 {
     const uint i = (uint)get_global_id(0);

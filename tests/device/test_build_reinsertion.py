@@ -8,9 +8,10 @@ import pytest
 from build_cases import CASES, check_tree, mixed, soup
 from raytide.accel import FlatGeometry, build_tree
 from raytide.accel.boxes import primitive_boxes
-from raytide.accel.device_tree import DeviceBuilder
+from raytide.accel.device_tree import DeviceBuilder, DeviceTree
 from raytide.accel.morton import leading_zeros
-from raytide.accel.reinsertion import _Rows, by_depth
+from raytide.accel.reinsertion import _Rows
+from raytide.accel.wide import by_depth
 from raytide.device import open_device
 from raytide.kernels.records import NONE
 from raytide.report.ray_room import room_scene
@@ -18,10 +19,7 @@ from raytide.report.ray_tracer import geometry_of
 
 
 def rows_of(device, geometry: FlatGeometry) -> _Rows:
-    builder = DeviceBuilder(geometry, device)
-    builder.tree("sah")
-    assert builder._sah_tree is not None
-    return _Rows(builder, *builder._sah_tree, builder.scale)
+    return _Rows(DeviceBuilder(geometry, device).tree("sah"))
 
 
 def shuffled_rows(device, geometry: FlatGeometry) -> _Rows:
@@ -30,7 +28,7 @@ def shuffled_rows(device, geometry: FlatGeometry) -> _Rows:
     boxes = np.random.default_rng(4).permutation(primitive_boxes(geometry))
     gaps = np.arange(1, len(boxes), dtype=np.uint64)
     levels = leading_zeros(gaps & (~gaps + np.uint64(1))).astype(np.uint16)  # gaps of most trailing zeros split first
-    return _Rows(builder, device.upload(boxes), device.upload(levels), builder.scale)
+    return _Rows(DeviceTree(builder, device.upload(boxes), device.upload(levels)))
 
 
 def read_tree(tree: _Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

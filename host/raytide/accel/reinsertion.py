@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from raytide.accel.wide import by_depth
 from raytide.kernels.records import NONE
 
 if TYPE_CHECKING:
-    from raytide.accel.device_tree import DeviceBuilder
+    from raytide.accel.device_tree import DeviceTree
     from raytide.device import Buffer
 
 # A round tries every STRIDE-th row. On the room of the ray suite the cost of the wide tree falls from 31.9 to 30.5,
@@ -29,15 +30,13 @@ _WORTH_IT = 0.005  # of the area of all inner nodes: a turn over all rows that g
 _LEAST_AREA = 0.125
 
 
-def reinserted(
-    builder: DeviceBuilder, ordered: Buffer, levels: Buffer, scale: np.float32
-) -> Iterator[tuple[Buffer, Buffer]]:
+def reinserted(start: DeviceTree) -> Iterator[tuple[Buffer, Buffer]]:
     """Primitives in the order of better trees, and their levels (build/hierarchy.cl); at least three primitives.
 
     The first tree comes after one turn over all rows, the second after the last: what costs less as a binary tree
     nearly always costs less as a wide one, but not where a few large triangles make up most of the cost.
     """
-    tree = _Rows(builder, ordered, levels, scale)
+    tree = _Rows(start)
     gain = tree.turn()
     yield tree.order()
     for _ in range(_MOST_ROUNDS // STRIDE - 1):
@@ -50,19 +49,18 @@ def reinserted(
 class _Rows:
     """A tree that can change, in the arrays of build/reinsert_search.cl."""
 
-    def __init__(self, builder: DeviceBuilder, ordered: Buffer, levels: Buffer, scale: np.float32) -> None:
-        device, count = builder.device, builder.count
-        self._builder, self._device, self._ordered, self._scale = builder, device, ordered, scale
+    def __init__(self, tree: DeviceTree) -> None:
+        builder, count = tree.builder, tree.builder.count
+        device, self._scale = builder.device, builder.scale
+        self._builder, self._device, self._ordered = builder, device, tree.ordered
         self._inner = inner = count - 1
         self._rows = rows = 2 * count - 1
-        ranges, names = device.empty(inner * 8), device.empty(inner * 8)
-        builder.launch("link_nodes", inner, levels, ranges, names)
         self._children, self._parents = device.empty(inner * 8), device.empty(rows * 4)
-        device.fill(self._parents, NONE)  # the root's stays
-        builder.launch("reinsert_rows", inner, names, self._children, self._parents)
         self._boxes = device.empty(rows * 32)
-        builder.launch("reinsert_leaves", count, scale, ordered, self._boxes)
-        self._join(device.read(levels, np.uint16, inner))
+        device.fill(self._parents, NONE)  # the root's stays
+        arrays = (self._children, self._parents, self._boxes)
+        builder.launch("reinsert_rows", inner, self._scale, tree.links, tree.boxes, *arrays)
+        builder.launch("reinsert_leaves", count, self._scale, tree.ordered, self._boxes)
         areas = device.read(self._boxes, np.float32, inner * 8)[3::8]
         self._area = float(areas.sum(dtype=np.float64))
         self._least = np.float32(_LEAST_AREA * self._area / inner)
@@ -125,10 +123,3 @@ class _Rows:
             "reinsert_places", lists, bound, self._children, counts, depths, self._ordered, starts, ordered, levels
         )
         return ordered, levels
-
-
-def by_depth(depths: np.ndarray) -> list[np.ndarray]:
-    """Rows of each depth, the smallest first; depths (n,) uint16, 0xffff where a row is to be left out."""
-    rows = np.flatnonzero(depths != 0xFFFF)
-    rows = rows[np.argsort(depths[rows], kind="stable")]
-    return [part for part in np.split(rows, np.flatnonzero(np.diff(depths[rows])) + 1) if len(part)]
