@@ -24,6 +24,7 @@ RENDERS = (
     ("materials/glossy.toml", []),
     ("blob/blob.toml", ["--bvh", "sah"]),
     ("blob/blob.toml", ["--bvh", "lbvh"]),
+    ("blob/blob.toml", ["--bvh", "sah-hq"]),
 )
 FAULT = """
 import numpy, pyopencl

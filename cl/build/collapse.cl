@@ -4,7 +4,7 @@
 // Wide children of binary nodes: roots[i] becomes wide[8 i .. 8 i + 7], in order, NONE where empty. With `by_levels`
 // three binary levels become one wide level whatever that costs: this bounds the depth of odd trees. One item a node.
 kernel void expand(const uint count, const uint triangles, const uint by_levels, global const uint *roots,
-                   global const float8 *primitives, global const uint *children, global const float8 *costs,
+                   global const float8 *primitives, global const float8 *boxes, global const uint4 *links,
                    global uint *wide)
 {
     const uint i = (uint)get_global_id(0);
@@ -27,7 +27,7 @@ kernel void expand(const uint count, const uint triangles, const uint by_levels,
             ++found;
             continue;
         }
-        const uint word = as_uint(costs[name].s7);
+        const uint word = as_uint(boxes[name].s3);
         const int group = (word & IS_GROUP) != 0u;
         if (share == 1u || (by_levels != 0u && group)) {
             wide[8u * i + found] = group ? name | GROUP_NAME : name;
@@ -41,9 +41,9 @@ kernel void expand(const uint count, const uint triangles, const uint by_levels,
             ++top;
             continue;
         }
-        names[top] = children[2u * name + 1u];
+        names[top] = links[name].w;
         shares[top] = share - to_left;
-        names[top + 1u] = children[2u * name];
+        names[top + 1u] = links[name].z;
         shares[top + 1u] = to_left;
         top += 2u;
     }

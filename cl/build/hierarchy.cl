@@ -5,148 +5,118 @@
 // The tree is given by one number for each gap between neighbours, its level: the smallest of a range is where the
 // range splits, and no range has two of them. Common leading bits of Morton codes give the radix tree of Karras
 // ("Maximizing parallelism in the construction of BVHs, octrees and k-d trees", 2012), depths of SAH splits the SAH
-// tree. A node is named by the gap where it splits; every node finds its own range, so all are independent.
+// tree. A node is named by the gap where it splits.
 //
-// Race rule: a child is written into its parent's slot by one item alone. Boxes and costs are joined in one launch for
-// each level, deepest first, and a child's level is always larger than its parent's.
+// Nearly all nodes lie within one chunk of primitives: `join_chunks` makes them in one walk along each chunk, from
+// data that lie side by side. The few that reach beyond their chunk are linked and joined after that, one launch for
+// each level, deepest first; a child's level is always larger than its parent's.
+//
+// Race rule: a child is written into its parent's slot by one item alone.
 
 // Names of wide children: a node's gap, and with these bits:
 #define LEAF_NAME 0x80000000u   // a single triangle by its place; with both bits a single shape
 #define GROUP_NAME 0x40000000u  // a node whose 2 to 8 triangles become one leaf block
 
-// Last word of a node's costs: 3 bits for each number of roots 2..8: how many of them go to the left child, 0 = one
-// root fewer is no worse.
+// Word of a node, in s3 of its box: 3 bits for each number of roots 2..8: how many of them go to the left child, 0 =
+// one root fewer is no worse.
 #define IS_GROUP (1u << 24)
 #define HAS_SHAPES (1u << 25)
 
+// Links of a node: x, y its first and last primitive, z, w the names of its children.
+
+// Least costs of a subtree as i or fewer wide children: s0 to s6 for 1..7.
 typedef struct {
-    uint count;
-    uint word;
     float8 box;
-    float cost[8];  // [i] = least cost of the subtree as i or fewer wide children, 1..7
+    float8 cost;
+    uint first;
+    uint last;
+    uint word;
+    uint name;  // of a node or a primitive; NONE where it is not known
 } Subtree;
 
-static Subtree subtree_of_primitive(const float8 primitive, const float scale, const uint triangles)
+static Subtree subtree_of_primitive(const uint place, const float8 primitive, const float scale, const uint triangles)
 {
     Subtree tree;
-    tree.count = 1u;
-    tree.word = as_uint(primitive.s3) >= triangles ? HAS_SHAPES : 0u;
     tree.box = primitive;
-    const float area = half_area(primitive, scale);
-    for (uint i = 1; i < 8; ++i) {
-        tree.cost[i] = area;
-    }
+    tree.cost = (float8)(half_area(primitive, scale));
+    tree.first = place;
+    tree.last = place;
+    tree.word = as_uint(primitive.s3) >= triangles ? HAS_SHAPES : 0u;
+    tree.name = LEAF_NAME | place;
     return tree;
+}
+
+// The first `j` lanes are FLT_MAX, then come those of v from the first on.
+static float8 shifted_1(const float8 v) { return (float8)(FLT_MAX, v.s0123, v.s456); }
+static float8 shifted_2(const float8 v) { return (float8)(FLT_MAX, FLT_MAX, v.s0123, v.s45); }
+static float8 shifted_4(const float8 v) { return (float8)((float4)(FLT_MAX), v.s0123); }
+
+// Lanes for 2..8 roots: the least cost with `k` roots on the left, where that is less than with fewer.
+static void try_share(const uint k, const float left, const float8 right, float8 *shared, uint8 *to_left)
+{
+    const float8 cost = (float8)(left) + right;
+    const int8 less = cost < *shared;
+    *shared = less ? cost : *shared;
+    *to_left = less ? (uint8)(k) : *to_left;
 }
 
 // Optimal cut into wide nodes: Wald, Benthin, Boulos 2008 and Ylitie, Karras, Laine 2017 (section 3.2), with a leaf as
 // exactly one block. Visiting a node and visiting a block both cost 1.
-static Subtree join(const Subtree left, const Subtree right, const float scale)
+static Subtree join(const Subtree left, const Subtree right, const uint gap, const float scale)
 {
     Subtree tree;
-    tree.count = left.count + right.count;
+    tree.first = left.first;
+    tree.last = right.last;
+    tree.name = gap;
     tree.box = merge(left.box, right.box);
     tree.word = (left.word | right.word) & HAS_SHAPES;
-    float shared[9];
-    uint to_left[9];
-    #pragma unroll
-    for (uint roots = 2; roots <= 8; ++roots) {
-        shared[roots] = FLT_MAX;
-        to_left[roots] = 1u;
-        #pragma unroll
-        for (uint k = 1; k < roots; ++k) {
-            const float cost = left.cost[k] + right.cost[roots - k];
-            if (cost < shared[roots]) {
-                shared[roots] = cost;
-                to_left[roots] = k;
-            }
-        }
-    }
+    float8 shared = (float8)(left.cost.s0) + right.cost;
+    uint8 to_left = (uint8)(1u);
+    const float8 right_1 = shifted_1(right.cost);
+    const float8 right_2 = shifted_2(right.cost);
+    const float8 right_4 = shifted_4(right.cost);
+    try_share(2u, left.cost.s1, right_1, &shared, &to_left);
+    try_share(3u, left.cost.s2, right_2, &shared, &to_left);
+    try_share(4u, left.cost.s3, shifted_1(right_2), &shared, &to_left);
+    try_share(5u, left.cost.s4, right_4, &shared, &to_left);
+    try_share(6u, left.cost.s5, shifted_1(right_4), &shared, &to_left);
+    try_share(7u, left.cost.s6, shifted_2(right_4), &shared, &to_left);
     const float area = half_area(tree.box, scale);
-    const float as_node = area + shared[8];
-    const int may_group = tree.count <= 8u && (tree.word & HAS_SHAPES) == 0u;
-    if (may_group && area <= as_node) {
-        tree.word |= IS_GROUP;
-    }
-    tree.cost[1] = (tree.word & IS_GROUP) != 0u ? area : as_node;
-    tree.word |= to_left[8] << 18;
-    #pragma unroll
-    for (uint roots = 2; roots < 8; ++roots) {
-        const int share = shared[roots] <= tree.cost[roots - 1];
-        tree.cost[roots] = share ? shared[roots] : tree.cost[roots - 1];
-        tree.word |= share ? to_left[roots] << (3u * (roots - 2u)) : 0u;
-    }
+    const int is_group = tree.last - tree.first < 8u && tree.word == 0u;  // never costs more than a node
+    float8 least = shifted_1(shared);
+    least.s0 = is_group ? area : area + shared.s6;
+    least = merge(least, shifted_1(least));
+    least = merge(least, shifted_2(least));
+    least = merge(least, shifted_4(least));
+    const uint8 bits = (shared <= least ? to_left : (uint8)(0u)) << (uint8)(0u, 3u, 6u, 9u, 12u, 15u, 18u, 21u);
+    const uint4 half_bits = bits.lo | (uint4)(bits.s456, 0u);
+    tree.word |= half_bits.x | half_bits.y | half_bits.z | half_bits.w | to_left.s6 << 18u;
+    tree.word |= is_group ? IS_GROUP : 0u;
+    tree.cost = least;
     return tree;
 }
 
 static Subtree load_subtree(const uint name, const uint triangles, const float scale, global const float8 *primitives,
-                            global const float8 *boxes, global const float8 *costs, global const uint2 *ranges)
+                            global const float8 *boxes, global const uint4 *links, global const float8 *costs)
 {
     if ((name & LEAF_NAME) != 0u) {
-        return subtree_of_primitive(primitives[name & ~LEAF_NAME], scale, triangles);
+        const uint place = name & ~LEAF_NAME;
+        return subtree_of_primitive(place, primitives[place], scale, triangles);
     }
     Subtree tree;
-    const float8 cost = costs[name];
-    const uint2 range = ranges[name];
-    tree.count = range.y - range.x + 1u;
     tree.box = boxes[name];
-    tree.word = as_uint(cost.s7);
-    tree.cost[1] = cost.s0;
-    tree.cost[2] = cost.s1;
-    tree.cost[3] = cost.s2;
-    tree.cost[4] = cost.s3;
-    tree.cost[5] = cost.s4;
-    tree.cost[6] = cost.s5;
-    tree.cost[7] = cost.s6;
+    tree.cost = costs[name];
+    tree.first = links[name].x;
+    tree.last = links[name].y;
+    tree.word = as_uint(tree.box.s3);
+    tree.name = name;
     return tree;
 }
 
-// Range (first, last primitive) of every node, and the names of its children: 2 for each node. One item a gap. The
-// scans end at the nearest smaller levels, so that all of them together cost primitives times mean depth.
-kernel void link_nodes(const uint gaps, global const ushort *levels, global uint2 *ranges, global uint *children)
+static void store_node(const Subtree tree, const uint left, const uint right, global float8 *boxes, global uint4 *links)
 {
-    const uint gap = (uint)get_global_id(0);
-    if (gap >= gaps) {
-        return;
-    }
-    const ushort level = levels[gap];
-    uint first = gap;
-    while (first > 0u && levels[first - 1u] > level) {
-        --first;
-    }
-    uint last = gap + 1u;
-    while (last < gaps && levels[last] > level) {
-        ++last;
-    }
-    ranges[gap] = (uint2)(first, last);
-    if (first == gap) {
-        children[2u * gap] = LEAF_NAME | gap;
-    }
-    if (last == gap + 1u) {
-        children[2u * gap + 1u] = LEAF_NAME | last;
-    }
-    const int has_left = first > 0u;
-    if (last < gaps && (!has_left || levels[last] > levels[first - 1u])) {
-        children[2u * last] = gap;
-    } else if (has_left) {
-        children[2u * (first - 1u) + 1u] = gap;
-    }
-}
-
-// Boxes and costs of the nodes gaps[first .. first + count), whose children are done. scale: 1 / longest edge of the
-// scene, about. costs: least costs as 1..7 wide children, then the word.
-kernel void join_nodes(const uint count, const uint first, const uint triangles, const float scale,
-                       global const uint *gaps, global const float8 *primitives, global const uint2 *ranges,
-                       global const uint *children, global float8 *boxes, global float8 *costs)
-{
-    if (get_global_id(0) >= count) {
-        return;
-    }
-    const uint gap = gaps[first + get_global_id(0)];
-    const Subtree left = load_subtree(children[2u * gap], triangles, scale, primitives, boxes, costs, ranges);
-    const Subtree right = load_subtree(children[2u * gap + 1u], triangles, scale, primitives, boxes, costs, ranges);
-    const Subtree tree = join(left, right, scale);
-    boxes[gap] = tree.box;
-    costs[gap] = (float8)(tree.cost[1], tree.cost[2], tree.cost[3], tree.cost[4], tree.cost[5], tree.cost[6],
-                          tree.cost[7], as_float(tree.word));
+    float8 box = tree.box;
+    box.s3 = as_float(tree.word);
+    boxes[tree.name] = box;
+    links[tree.name] = (uint4)(tree.first, tree.last, left, right);
 }

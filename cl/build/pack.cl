@@ -5,7 +5,7 @@
 
 // Node records. names: 8 a node as `expand` gave them; numbers: node or block number of each lane. One item a node.
 kernel void pack_nodes(const uint count, const uint triangles, global const uint *names, global const uint *numbers,
-                       global const float8 *primitives, global const float8 *boxes, global const uint2 *ranges,
+                       global const float8 *primitives, global const float8 *boxes, global const uint4 *links,
                        global Node *nodes)
 {
     const uint i = (uint)get_global_id(0);
@@ -24,7 +24,7 @@ kernel void pack_nodes(const uint count, const uint triangles, global const uint
             child = LEAF_BIT | ((name & GROUP_NAME) != 0u ? ANALYTIC_BIT | (prim - triangles) : number << 3);
         } else if (name != NONE && (name & GROUP_NAME) != 0u) {
             box = rounded_outward(boxes[place]);
-            child = LEAF_BIT | number << 3 | (ranges[place].y - ranges[place].x);
+            child = LEAF_BIT | number << 3 | (links[place].y - links[place].x);
         } else if (name != NONE) {
             box = rounded_outward(boxes[place]);
             child = number;
@@ -50,7 +50,7 @@ static void write_triangle(global Block *block, const uint lane, const int empty
 
 // Block records, lanes in order of triangle id; lanes beyond the last triangle repeat a point of it. One item a block.
 kernel void pack_blocks(const uint count, global const uint *names, global const float8 *primitives,
-                        global const uint2 *ranges, global const float4 *vertices, global const Triangle *triangles,
+                        global const uint4 *links, global const float4 *vertices, global const Triangle *triangles,
                         global Block *blocks)
 {
     const uint i = (uint)get_global_id(0);
@@ -59,7 +59,7 @@ kernel void pack_blocks(const uint count, global const uint *names, global const
     }
     const uint name = names[i];
     const uint single = name & ~LEAF_NAME;
-    const uint2 range = (name & LEAF_NAME) != 0u ? (uint2)(single, single) : ranges[name & ~GROUP_NAME];
+    const uint2 range = (name & LEAF_NAME) != 0u ? (uint2)(single, single) : links[name & ~GROUP_NAME].xy;
     const uint filled = range.y - range.x + 1u;
     uint ids[8];
     for (uint lane = 0; lane < filled; ++lane) {

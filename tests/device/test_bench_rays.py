@@ -50,9 +50,10 @@ def test_the_shadow_kernel_and_the_closest_hit_agree_on_what_is_in_between(devic
 
 def test_brute_force_gives_the_same_bits(device: Device) -> None:
     scene = SMALL["room"]()
-    by_tree, by_force = (RayTracer(device, geometry_of(scene), builder) for builder in ("sah", "none"))
-    rays = make_ray_sets(scene, 64, by_tree.closest)["difft"].rays
-    assert by_tree.closest(rays).tobytes() == by_force.closest(rays).tobytes()
+    *trees, by_force = (RayTracer(device, geometry_of(scene), name) for name in ("sah", "sah-hq", "lbvh", "none"))
+    rays = make_ray_sets(scene, 64, by_force.closest)["difft"].rays
+    for by_tree in trees:
+        assert by_tree.closest(rays).tobytes() == by_force.closest(rays).tobytes(), by_tree.tree.stats.builder
 
 
 def test_bench_reports_every_set_with_clocks_hashes_and_spread(

@@ -11,7 +11,7 @@ from raytide.accel.build import MAX_PRIMITIVES
 from raytide.errors import UsageError
 from raytide.kernels.records import NONE, RECORDS
 
-BUILDERS = ("sah", "lbvh")
+BUILDERS = ("sah", "sah-hq", "lbvh")
 
 
 @pytest.mark.parametrize("builder", BUILDERS)
@@ -27,6 +27,8 @@ def test_trees_built_on_a_device_obey_the_laws_and_are_the_hosts_trees(device, b
         geometry = case()
         built = build_tree(geometry, builder, device, "device")
         check_tree(built, geometry)
+        if builder == "sah-hq":
+            continue  # the host leaves the moves out
         if device.kind != "gpu":  # division may round otherwise there, which moves single primitives between bins
             host = build_tree(geometry, builder, device, "host")
             assert built.nodes.tobytes() == host.nodes.tobytes(), name
@@ -59,8 +61,7 @@ def test_how_primitives_are_cut_into_chunks_and_subtrees_does_not_change_the_tre
         monkeypatch.setattr("raytide.accel.device_tree._CHUNK", {device.kind: chunk})
         monkeypatch.setattr("raytide.accel.device_tree._SUBTREE", {device.kind: subtree})
         trees += [build_tree(geometry, builder, device) for builder in BUILDERS]
-    assert trees[0].nodes.tobytes() == trees[2].nodes.tobytes() == trees[4].nodes.tobytes()
-    assert trees[1].blocks.tobytes() == trees[3].blocks.tobytes() == trees[5].blocks.tobytes()
+    assert all(len({tree.nodes.tobytes() + tree.blocks.tobytes() for tree in trees[i::3]}) == 1 for i in range(3))
 
 
 def test_brute_force_has_all_triangles_in_order_of_id_and_no_nodes():
@@ -113,5 +114,5 @@ def test_more_primitives_than_child_words_can_name_are_refused_with_the_limit():
 
 
 def test_an_unknown_builder_is_refused_with_the_known_ones():
-    with pytest.raises(UsageError, match="sah, lbvh, none"):
+    with pytest.raises(UsageError, match="sah, sah-hq, lbvh, none"):
         build_tree(soup(1), "bih", None)

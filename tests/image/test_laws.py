@@ -119,8 +119,9 @@ def test_brute_force_equals_tree_bit_for_bit(device: Device, mixed_image: np.nda
     assert np.array_equal(render(device, mixed_scene(), spp=8, bvh="none"), mixed_image)
 
 
-def test_both_builders_give_the_same_bits(device: Device, mixed_image: np.ndarray) -> None:
-    assert np.array_equal(render(device, mixed_scene(), spp=8, bvh="lbvh"), mixed_image)
+@pytest.mark.parametrize("builder", ["lbvh", "sah-hq"])
+def test_all_builders_give_the_same_bits(device: Device, mixed_image: np.ndarray, builder: str) -> None:
+    assert np.array_equal(render(device, mixed_scene(), spp=8, bvh=builder), mixed_image)
 
 
 def test_everything_built_changes_no_bit(device: Device, mixed_image: np.ndarray) -> None:

@@ -22,12 +22,14 @@ if TYPE_CHECKING:
     from raytide.device import Device
     from raytide.kernels.source import Source
 
-BUILDERS = ("sah", "lbvh", "none")
+BUILDERS = ("sah", "sah-hq", "lbvh", "none")
 
 # Up to this many primitives numpy on the host is no slower than loading the kernels from a warm cache, and spares
 # their compilation on a cold one; both give the same bytes. SAH, first build of a process, 2 cores, PoCL 3.0, ms
 # (host / device): 32 primitives 5/30-70, 300 8/23, 1000 14/25, 2000 25-34/25, 4000 43/35; cold kernels: 2000-4000.
 HOST_LIMIT = 2048
+
+_ONE_LEAF = 8  # primitives that reinsertion cannot improve
 
 # Block numbers have 27 bits in a child word, names of primitives 30 bits.
 MAX_PRIMITIVES = 1 << 27
@@ -35,7 +37,7 @@ MAX_PRIMITIVES = 1 << 27
 
 def tree_sources(geometry: FlatGeometry, builder: str) -> dict[str, Source]:
     """Programs that `build_tree` will ask for, so that they can be compiled side by side with others."""
-    wanted = builder != "none" and geometry.primitive_count > HOST_LIMIT
+    wanted = builder != "none" and geometry.primitive_count > _host_limit(builder)
     return {"bvh": build_source()} if wanted else {}
 
 
@@ -44,9 +46,10 @@ def build_tree(
 ) -> Tree:
     """The 8-wide tree of `geometry`; the same bytes on every run, and from the host and the device builder.
 
-    builder: "sah" (binned surface area heuristic), "lbvh" (Morton order) or "none" (blocks only, for brute force).
-    `place` "host" or "device" overrides the choice by size. Raises UsageError for an unknown builder and for more
-    primitives than child words can name.
+    builder: "sah" (binned surface area heuristic), "sah-hq" (the same, then its subtrees move to where they cost less;
+    the host leaves that out), "lbvh" (Morton order) or "none" (blocks only, for brute force). `place` "host" or
+    "device" overrides the choice by size. Raises UsageError for an unknown builder and for more primitives than child
+    words can name.
     """
     if builder not in BUILDERS:
         raise UsageError(f"tree builder {builder!r} is unknown; choose one of {', '.join(BUILDERS)}")
@@ -58,11 +61,14 @@ def build_tree(
         starts = () if builder == "none" else (0,)
         packed = Packed(empty_nodes(len(starts)), len(blocks), lambda: blocks, starts)
         return Tree(packed, _stats(builder, "host", packed, geometry, start, 0.0))
-    on_host = place == "host" or device is None or geometry.primitive_count <= (1 if place == "device" else HOST_LIMIT)
+    few = geometry.primitive_count <= (1 if place == "device" else _host_limit(builder))
+    on_host = place == "host" or device is None or few
+    if on_host and builder == "sah-hq":
+        builder = "sah"
     source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device)
     tree: BinaryTree = source.tree(builder)
     found = cut(tree, max_depth())
-    if found is None:  # a Morton tree over positions of very different size; the SAH builder bounds its depth
+    if found is None:  # positions of very different size; only the SAH builder bounds its depth
         builder = "sah"
         tree = source.tree(builder)
         found = cut(tree, max_depth())
@@ -70,6 +76,11 @@ def build_tree(
     packed = tree.pack(found)
     where = "host" if on_host else "device"
     return Tree(packed, _stats(builder, where, packed, geometry, start, source.kernel_build_s))
+
+
+def _host_limit(builder: str) -> int:
+    """Up to this many primitives the host builds the tree, unless told."""
+    return _ONE_LEAF if builder == "sah-hq" else HOST_LIMIT
 
 
 class _HostBuilder:

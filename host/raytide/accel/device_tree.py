@@ -9,8 +9,9 @@ import numpy as np
 from raytide.accel.boxes import centers_of, edge_scale, shape_boxes
 from raytide.accel.limits import kernel_constant
 from raytide.accel.morton import grid_scale, refined_order
+from raytide.accel.reinsertion import reinserted
 from raytide.accel.tree import FlatGeometry, Packed
-from raytide.accel.wide import GROUP_NAME, Cut
+from raytide.accel.wide import GROUP_NAME, Cut, by_depth
 from raytide.kernels import RECORDS, Features, Source, assemble
 
 if TYPE_CHECKING:
@@ -38,11 +39,12 @@ class DeviceBuilder:
     def __init__(self, geometry: FlatGeometry, device: Device) -> None:
         self.geometry, self.device = geometry, device
         self.program = device.build({"bvh": build_source()})["bvh"]
-        self._count = geometry.primitive_count
-        self._chunk = _CHUNK.get(device.kind, _CHUNK_OTHERWISE)
+        self.count = geometry.primitive_count
+        self.chunk = _CHUNK.get(device.kind, _CHUNK_OTHERWISE)
         self.vertices, self.triangles = device.upload(geometry.vertices), device.upload(geometry.triangles)
         self._boxes = self._primitive_boxes()
         self._read_bounds()
+        self._sah_tree: tuple[Buffer, Buffer] | None = None
 
     @property
     def kernel_build_s(self) -> float:
@@ -54,31 +56,40 @@ class DeviceBuilder:
         self.device.launch(self.program, kernel, items, local, np.uint32(items), *arguments, label="build")
 
     def _primitive_boxes(self) -> Buffer:
-        boxes = self.device.empty(self._count * 32)
+        boxes = self.device.empty(self.count * 32)
         triangles = len(self.geometry.triangles)
         if triangles:
             self.launch("triangle_boxes", triangles, self.vertices, self.triangles, boxes)
-        if self._count > triangles:
+        if self.count > triangles:
             self.device.write(boxes, shape_boxes(self.geometry), offset=32 * triangles)
         return boxes
 
     def _read_bounds(self) -> None:
         """Low and high doubled centres of all primitives, and the scale of the whole scene."""
-        chunks = -(-self._count // self._chunk)
+        chunks = -(-self.count // self.chunk)
         buffer = self.device.empty(chunks * 64)
-        self.launch("scene_boxes", chunks, np.uint32(self._count), np.uint32(self._chunk), self._boxes, buffer, local=1)
+        self.launch("scene_boxes", chunks, np.uint32(self.count), np.uint32(self.chunk), self._boxes, buffer, local=1)
         rows = self.device.read(buffer, np.float32, chunks * 16).reshape(chunks, 2, 8).min(axis=0)
-        self._scale = np.float32(edge_scale(rows[:1])[0])
+        self.scale = np.float32(edge_scale(rows[:1])[0])
         self._low, self._high = rows[1, :3], -rows[1, 4:7]
 
     def tree(self, builder: str) -> DeviceTree:
-        """The binary tree by "sah" or "lbvh"; "sah" uses up the builder's boxes, so it comes last."""
-        levels = self.device.empty(max(self._count - 1, 1) * 2)
-        ordered = self._sah(levels) if builder == "sah" else self._lbvh(levels)
-        return DeviceTree(self, ordered, levels, self._count, self._scale)
+        """The binary tree by "sah", "sah-hq" or "lbvh"; once the first two used up the builder's boxes, only "sah"."""
+        if builder == "lbvh":
+            levels = self.device.empty(max(self.count - 1, 1) * 2)
+            return DeviceTree(self, self._lbvh(levels), levels)
+        if self._sah_tree is None:
+            levels = self.device.empty(max(self.count - 1, 1) * 2)
+            self._sah_tree = self._sah(levels), levels
+        best = DeviceTree(self, *self._sah_tree)
+        if builder == "sah-hq" and self.count > 2:
+            for ordered, levels in reinserted(best):
+                tree = DeviceTree(self, ordered, levels)
+                best = tree if tree.cost < best.cost else best
+        return best
 
     def _lbvh(self, levels: Buffer) -> Buffer:
-        device, count = self.device, self._count
+        device, count = self.device, self.count
         codes, order, ordered = device.empty(count * 8), device.empty(count * 4), device.empty(count * 32)
         scale = np.float32(grid_scale(self._low, self._high))
         self.launch("morton_codes", count, *self._low, scale, self._boxes, codes, order)
@@ -92,12 +103,12 @@ class DeviceBuilder:
 
     def _sort(self, keys: Buffer, values: Buffer) -> None:
         """Stable sort by 63-bit keys, in place: 8 passes of 8 bits end where they began."""
-        device, chunk = self.device, np.uint32(4 * self._chunk)
-        chunks = -(-self._count // int(chunk))
-        other_keys, other_values = device.empty(self._count * 8), device.empty(self._count * 4)
+        device, chunk = self.device, np.uint32(4 * self.chunk)
+        chunks = -(-self.count // int(chunk))
+        other_keys, other_values = device.empty(self.count * 8), device.empty(self.count * 4)
         histogram, totals = device.empty(chunks * _DIGITS * 4), device.empty(_DIGITS * 4)
         for shift in range(0, 64, 8):
-            pass_over: tuple[Buffer | np.uint32, ...] = (np.uint32(self._count), chunk, np.uint32(shift), keys)
+            pass_over: tuple[Buffer | np.uint32, ...] = (np.uint32(self.count), chunk, np.uint32(shift), keys)
             self.launch("radix_count", chunks, *pass_over, histogram, local=1)
             self.launch("radix_rows", _DIGITS, np.uint32(chunks), histogram, totals)
             self.launch("radix_move", chunks, *pass_over, values, histogram, totals, other_keys, other_values, local=1)
@@ -105,7 +116,7 @@ class DeviceBuilder:
 
     def _refine(self, codes: Buffer, order: Buffer, ordered: Buffer, levels: Buffer) -> None:
         """Orders runs of equal codes again, on the host: rare."""
-        device, count = self.device, self._count
+        device, count = self.device, self.count
         boxes = device.read(self._boxes, np.float32, count * 8).reshape(count, 8)
         centers = centers_of(boxes)
         new_order, new_levels = refined_order(
@@ -115,7 +126,7 @@ class DeviceBuilder:
         device.write(levels, new_levels)
 
     def _sah(self, levels: Buffer) -> Buffer:
-        device, count = self.device, self._count
+        device, count = self.device, self.count
         even, odd = self._boxes, device.empty(count * 32)  # the boxes in id order end here
         limit = max(_SUBTREE.get(device.kind, _SUBTREE_OTHERWISE), kernel_constant("build/sah_subtree.cl", "SWEEP"))
         tasks, active = [], np.array([[0, count]], np.int64)
@@ -139,15 +150,15 @@ class DeviceBuilder:
     ) -> np.ndarray:
         """Splits all nodes (first, count) of one depth of the SAH tree; gives their children."""
         device = self.device
-        per_node = -(-active[:, 1] // self._chunk)
+        per_node = -(-active[:, 1] // self.chunk)
         first_chunk = np.concatenate([[0], np.cumsum(per_node)])
         nodes = np.zeros((len(active) + 1, 4), np.uint32)
         nodes[:-1, :2], nodes[:, 2], nodes[:, 3] = active, depth, first_chunk
         chunks = np.empty((first_chunk[-1], 4), np.uint32)
         chunks[:, 0] = np.repeat(np.arange(len(active)), per_node)
-        place = (np.arange(len(chunks)) - first_chunk[chunks[:, 0]]) * self._chunk
+        place = (np.arange(len(chunks)) - first_chunk[chunks[:, 0]]) * self.chunk
         chunks[:, 1], chunks[:, 3] = active[chunks[:, 0], 0] + place, place
-        chunks[:, 2] = np.minimum(self._chunk, active[chunks[:, 0], 1] - place)
+        chunks[:, 2] = np.minimum(self.chunk, active[chunks[:, 0], 1] - place)
         bins = 3 * kernel_constant("build/bins.cl", "BINS")
         node_buffer, chunk_buffer = device.upload(nodes), device.upload(chunks)
         chunk_boxes, frames = device.empty(len(chunks) * 32), device.empty(len(active) * 32)
@@ -171,49 +182,56 @@ class DeviceBuilder:
 class DeviceTree:
     """Binary tree on the device, as raytide.accel.wide.BinaryTree; at least two primitives."""
 
-    def __init__(self, builder: DeviceBuilder, ordered: Buffer, levels: Buffer, count: int, scale: np.float32) -> None:
-        device = builder.device
-        self._builder, self._ordered = builder, ordered
+    def __init__(self, builder: DeviceBuilder, ordered: Buffer, levels: Buffer) -> None:
+        device, count = builder.device, builder.count
+        self.builder, self.ordered = builder, ordered
         self._triangles = np.uint32(len(builder.geometry.triangles))
         gaps = count - 1
-        self._boxes, self._costs = device.empty(gaps * 32), device.empty(gaps * 32)
-        self._ranges, self._children = device.empty(gaps * 8), device.empty(gaps * 8)
-        builder.launch("link_nodes", gaps, levels, self._ranges, self._children)
-        level_of = device.read(levels, np.uint16, gaps)
-        by_level = np.argsort(level_of, kind="stable").astype(np.uint32)
-        ends = np.flatnonzero(np.diff(level_of[by_level], append=np.uint16(0xFFFF))) + 1
-        gap_buffer = device.upload(by_level)
-        for first, end in reversed(list(zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True))):
-            builder.launch(
-                "join_nodes", end - first, np.uint32(first), self._triangles, scale, gap_buffer, ordered, self._ranges,
-                self._children, self._boxes, self._costs,
-            )  # fmt: skip
-        self.root = int(by_level[0])
-        if device.read(self._costs, np.uint32, 1, offset=32 * self.root + 28)[0] & _IS_GROUP:
+        self.boxes, self.links, costs = device.empty(gaps * 32), device.empty(gaps * 16), device.empty(gaps * 32)
+        rest = device.empty(gaps * 2)
+        chunks, sizes = -(-count // builder.chunk), (np.uint32(count), np.uint32(builder.chunk))
+        arrays = (self.boxes, self.links, costs)
+        builder.launch(
+            "join_chunks", chunks, *sizes, self._triangles, builder.scale, levels, ordered, *arrays, rest, local=1
+        )
+        lists = by_depth(device.read(rest, np.uint16, gaps))
+        if lists:
+            gap_buffer = device.upload(np.concatenate(lists).astype(np.uint32))
+            builder.launch("link_rest", sum(map(len, lists)), np.uint32(gaps), gap_buffer, levels, self.links)
+            first = sum(map(len, lists))
+            for part in reversed(lists):
+                first -= len(part)
+                builder.launch(
+                    "join_rest", len(part), np.uint32(first), self._triangles, builder.scale, gap_buffer, ordered,
+                    *arrays,
+                )  # fmt: skip
+        self.root = int(lists[0][0] if lists else device.read(levels, np.uint16, gaps).argmin())
+        self.cost = float(device.read(costs, np.float32, 1, offset=32 * self.root)[0])  # times the scale
+        if device.read(self.boxes, np.uint32, 1, offset=32 * self.root + 12)[0] & _IS_GROUP:
             self.root |= GROUP_NAME
 
     def expand(self, roots: np.ndarray, by_levels: bool) -> np.ndarray:
         """Names (m, 8) of the wide children of binary nodes (m,)."""
-        device = self._builder.device
+        device = self.builder.device
         wide = device.empty(len(roots) * 32)
-        self._builder.launch(
-            "expand", len(roots), self._triangles, np.uint32(by_levels), device.upload(roots), self._ordered,
-            self._children, self._costs, wide,
+        self.builder.launch(
+            "expand", len(roots), self._triangles, np.uint32(by_levels), device.upload(roots), self.ordered, self.boxes,
+            self.links, wide,
         )  # fmt: skip
         return device.read(wide, np.uint32, len(roots) * 8).reshape(-1, 8)
 
     def pack(self, found: Cut) -> Packed:
         """Records of a cut; blocks stay on the device until they are asked for."""
-        device, node, block = self._builder.device, RECORDS["Node"], RECORDS["Block"]
+        device, node, block = self.builder.device, RECORDS["Node"], RECORDS["Block"]
         node_count, block_count = len(found.names), len(found.blocks)
         nodes, blocks = device.empty(node_count * node.size), device.empty(block_count * block.size)
-        self._builder.launch(
+        self.builder.launch(
             "pack_nodes", node_count, self._triangles, device.upload(found.names), device.upload(found.numbers),
-            self._ordered, self._boxes, self._ranges, nodes,
+            self.ordered, self.boxes, self.links, nodes,
         )  # fmt: skip
-        self._builder.launch(
-            "pack_blocks", block_count, device.upload(found.blocks), self._ordered, self._ranges,
-            self._builder.vertices, self._builder.triangles, blocks,
+        self.builder.launch(
+            "pack_blocks", block_count, device.upload(found.blocks), self.ordered, self.links,
+            self.builder.vertices, self.builder.triangles, blocks,
         )  # fmt: skip
         return Packed(
             device.read(nodes, node.dtype, node_count),

@@ -50,7 +50,7 @@ class TreeStats:
     leaves at 1 each (MacDonald and Booth 1990; Goldsmith and Salmon 1987). Where the root has no surface each counts 1.
     """
 
-    builder: str  # what ran: "sah", "lbvh" or "none"; another one than was asked for where that tree was too deep
+    builder: str  # what ran: "sah" where another tree was too deep, or "sah-hq" on the host
     place: str  # "device" or "host"
     nodes: int
     leaves: int

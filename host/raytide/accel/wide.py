@@ -77,3 +77,10 @@ def _cut(tree: BinaryTree, max_depth: int, by_levels: bool) -> Cut | None:
         if len(names) == max_depth:
             return None
         level = tree.expand(roots, by_levels)
+
+
+def by_depth(depths: np.ndarray) -> list[np.ndarray]:
+    """Nodes of each depth, the smallest first; depths (n,) uint16, 0xffff where a node is to be left out."""
+    rows = np.flatnonzero(depths != 0xFFFF)
+    rows = rows[np.argsort(depths[rows], kind="stable")]
+    return [part for part in np.split(rows, np.flatnonzero(np.diff(depths[rows])) + 1) if len(part)]

@@ -28,7 +28,9 @@ class RenderSettings(Table):
     filter_width: Number | None = key(
         None, above=0, high=16, unit="pixels", doc="full width of the filter; default 1 for box, 4 for gaussian"
     )
-    bvh: Literal["sah", "lbvh", "none"] = key("sah", doc="tree builder; none tests every primitive")
+    bvh: Literal["sah", "sah-hq", "lbvh", "none"] = key(
+        "sah", doc="tree builder: sah-hq builds longer and traces faster; none tests every primitive"
+    )
     shadows: Flag = key(True, doc="integrator local: whether lights cast shadows")
     reflection_depth: Count = key(4, low=0, high=1024, doc="integrator local: longest chain of mirrors")
 
