@@ -32,7 +32,11 @@ ARROWS = {
 }
 ONLY_IMPORTER = {"pyopencl": "device", "OpenEXR": "image", "cyclopts": "cli", "rich": "cli", "trimesh": "importers"}
 # Reference data, not code: rows of measured constants.
-TABLES = {"host/raytide/scene/presets.py"}
+TABLES = {
+    "host/raytide/importers/mitsuba/cie.py",
+    "host/raytide/importers/mitsuba/metals.py",
+    "host/raytide/scene/presets.py",
+}
 
 MODULES = sorted(PACKAGE.rglob("*.py"))
 SOURCES = [*MODULES, *sorted((ROOT / "tools").rglob("*.py")), *sorted((ROOT / "tests").rglob("*.py"))]

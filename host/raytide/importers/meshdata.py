@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,14 @@ class MeshData:
     def inline(cls, vertices: Any, triangles: Any) -> MeshData:
         """A mesh given as arrays, (V, 3) and (T, 3). Raises SceneError for an index out of range."""
         return clean(np.asarray(vertices, np.float64), np.asarray(triangles, np.int64))
+
+
+    def turned(self, *, flip: bool = False, flip_v: bool = False) -> MeshData:
+        """The mesh with front and back exchanged, or with texture coordinates (u, 1 - v)."""
+        triangles = self.triangles[:, [0, 2, 1]] if flip else self.triangles
+        normals = -self.normals if flip and self.normals is not None else self.normals
+        uv = self.uv * (1.0, -1.0) + (0.0, 1.0) if flip_v and self.uv is not None else self.uv
+        return replace(self, triangles=triangles, normals=normals, uv=uv)
 
 
 def refuse(came: str, wanted: str, path: Path | None = None, hint: str | None = None) -> SceneError:

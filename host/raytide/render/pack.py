@@ -154,5 +154,6 @@ def _camera(flat: FlatScene, origin: np.ndarray) -> np.ndarray:
         row["origin"][0, 3] = camera.aperture
         row["right"][0, 3] = 1.0 / camera.focus_distance
     aspect = width / height
-    row["raster"][0] = (-half * aspect, half, 2 * half * aspect / width, -2 * half / height)
+    right_of, above = (2 * half * part for part in camera.shift)
+    row["raster"][0] = (right_of - half * aspect, above + half, 2 * half * aspect / width, -2 * half / height)
     return row

@@ -100,7 +100,7 @@ def _mesh_problems(scene: Scene, name: str, shape: Mesh) -> list[Problem]:
 def scene_warnings(scene: Scene) -> list[str]:
     """What looks wrong but does not stop a render."""
     used = {shape.material for shape in scene.objects.values()}
-    found = [f"materials.{name}: no object uses it" for name in scene.materials if name not in used]
+    found = [*scene.notes, *(f"materials.{name}: no object uses it" for name in scene.materials if name not in used)]
     for name, shape in scene.objects.items():
         if isinstance(shape, Mesh):
             found += [f"objects.{name}: {words}" for words in scene.mesh_data(shape).warnings]

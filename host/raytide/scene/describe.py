@@ -11,7 +11,10 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from raytide.errors import list_words, nearest
 from raytide.scene.values import Kind
+
+__all__ = ["Option", "list_words", "nearest", "option_of", "options_of", "value_words"]
 
 
 @dataclass(frozen=True)
@@ -130,19 +133,3 @@ def _float_words(value: float) -> str:
     if math.isinf(value):
         return "-Infinity" if value < 0 else "Infinity (or a number too large for a float)"
     return repr(value).removesuffix(".0")
-
-
-def nearest(word: str, candidates: list[str] | tuple[str, ...]) -> str | None:
-    """`did you mean 'x'?` for the candidate most like `word`, or None."""
-    from difflib import get_close_matches
-
-    found = get_close_matches(word, list(candidates), n=1, cutoff=0.6)
-    return f"did you mean {found[0]!r}?" if found else None
-
-
-def list_words(names: list[str] | tuple[str, ...], limit: int = 12) -> str:
-    """`one of a, b, c`, shortened."""
-    if not names:
-        return "none (there is none)"
-    shown = ", ".join(name if name.isprintable() else ascii(name) for name in names[:limit])
-    return f"one of {shown}" + (f", ... ({len(names)} in all)" if len(names) > limit else "")

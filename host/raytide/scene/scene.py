@@ -28,7 +28,8 @@ class Scene:
     """Camera, settings, and named materials, objects and lights.
 
     `folder` is where relative mesh paths start (default: the current folder). A scene made by a script may read any
-    file; one loaded from a file stays inside its folder unless told otherwise.
+    file; one loaded from a file stays inside its folder unless told otherwise. `notes` are warnings of what the scene
+    was made from.
     """
 
     def __init__(
@@ -48,7 +49,8 @@ class Scene:
         self.origins: dict[str, str] = {}
         self.camera = camera  # type: ignore[assignment]
         self.render = render if render is not None else RenderSettings()  # type: ignore[assignment]
-        self._meshes: dict[tuple[str, int, int], MeshData] = {}
+        self.notes: list[str] = []
+        self._meshes: dict[tuple[str, int, int, int], MeshData] = {}
 
     @property
     def camera(self) -> Camera:
@@ -159,16 +161,17 @@ class Scene:
         from raytide.importers.geometry import MeshData, load_mesh
 
         if shape.mesh is None:
-            return MeshData.inline(shape.vertices, shape.faces)
+            return MeshData.inline(shape.vertices, shape.faces).turned(flip=shape.flip)
         path = self.mesh_path(shape)
         try:
             facts = path.stat()
-            version = (str(path), facts.st_mtime_ns, facts.st_size)
+            version = (str(path), shape.part, facts.st_mtime_ns, facts.st_size)
         except (OSError, ValueError):
-            version = (str(path), 0, 0)
+            version = (str(path), shape.part, 0, 0)
         if version not in self._meshes:
-            self._meshes[version] = load_mesh(path)
-        return self._meshes[version]
+            self._meshes[version] = load_mesh(path, shape.part)
+        mesh = self._meshes[version]
+        return mesh.turned(flip=shape.flip, flip_v=shape.flip_v) if shape.flip or shape.flip_v else mesh
 
     def problems(self) -> list[Problem]:
         """Everything that keeps this scene from being rendered: references, transforms, files."""

@@ -15,7 +15,7 @@ from raytide.errors import Problem, SceneError
 from raytide.scene.arrays import as_faces, as_vertices
 from raytide.scene.model import Table
 from raytide.scene.transform import Step, is_mirror, move_normals, move_points, tangents_of
-from raytide.scene.values import SMALLEST, Direction, Flag, Kind, Number, Point, key
+from raytide.scene.values import SMALLEST, Count, Direction, Flag, Kind, Number, Point, key
 
 SIMILAR = 1e-9  # relative spread of stretches up to which a transform keeps spheres round
 
@@ -176,7 +176,7 @@ Faces = Annotated[
 
 
 class Mesh(Shape):
-    """Triangles from a file (OBJ, PLY, STL, glTF, GLB), or vertices and faces in the scene itself."""
+    """Triangles from a file (OBJ, PLY, STL, glTF, GLB, .serialized), or vertices and faces in the scene itself."""
 
     FIRST: ClassVar[str] = "mesh"
     type: Literal["mesh"] = "mesh"
@@ -184,6 +184,9 @@ class Mesh(Shape):
     vertices: Vertices | None = key(None, unit="m", doc="points of an inline mesh")
     faces: Faces | None = key(None, doc="triangles of an inline mesh; the front is where they run counter-clockwise")
     smooth: Flag = key(False, doc="interpolate normals: the file's, else angle-weighted ones")
+    part: Count = key(0, low=0, doc="which mesh of a .serialized file")
+    flip: Flag = key(False, doc="front and back exchanged, normals turned round")
+    flip_v: Flag = key(False, doc="texture coordinates counted from the other side: 1 - v")
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
