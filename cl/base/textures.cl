@@ -33,32 +33,40 @@ typedef struct {
     uint cell;  // gaps between texel centres, counted from the edge at 0
 } TexelPair;
 
-// Coordinate brought into [0, 1]; what is not finite goes to 0.
-static float wrapped(const float coordinate, const uint wrap)
+// Coordinate brought into [0, 1], and what rounding took from it; what is not finite goes to 0.
+static float wrapped(const float coordinate, const uint wrap, float *rest)
 {
-    const float turns = floor_of(0.5f * coordinate);
-    const float folded = coordinate - 2.0f * turns;  // in [0, 2]
-    const float mirrored = folded > 1.0f ? 2.0f - folded : folded;
-    const float repeated = coordinate - floor_of(coordinate);
-    const float inside = wrap == WRAP_REPEAT ? repeated : (wrap == WRAP_MIRROR ? mirrored : clamp_of(coordinate, 0.0f, 1.0f));
-    return inside >= 0.0f && inside <= 1.0f ? inside : 0.0f;
+    const float period = wrap == WRAP_MIRROR ? 2.0f : 1.0f;
+    const float whole = period * floor_of(coordinate / period);
+    const float part = coordinate - whole;
+    const float lost = coordinate - (part + whole);  // exact
+    const int folds = part > 1.0f;
+    const float turned = folds ? 2.0f - part : part;
+    const float inside = wrap == WRAP_CLAMP ? clamp_of(coordinate, 0.0f, 1.0f) : turned;
+    const int usable = inside >= 0.0f && inside <= 1.0f;
+    *rest = usable && wrap != WRAP_CLAMP ? (folds ? -lost : lost) : 0.0f;
+    return usable ? inside : 0.0f;
 }
 
 // Texel centres lie at (i + 1/2) / size. The product u size is taken in two parts, so that the weight keeps its digits
 // in the widest picture.
 static TexelPair texel_pair(const float coordinate, const uint size, const uint wrap)
 {
-    const float u = wrapped(coordinate, wrap);
+    float rest;
+    const float u = wrapped(coordinate, wrap, &rest);
     const float n = (float)size;
     const float at = u * n;
-    const float rest = fma_of(u, n, -at);
+    const float tail = fma_of(u, n, -at) + rest * n;
     const float shifted = at - 0.5f;
-    const float below = floor_of(shifted);
-    const int low = (int)below;  // -1 .. size - 1
+    const float floored = floor_of(shifted);
+    const float beyond = (shifted - floored) + tail;
+    const float step = beyond < 0.0f ? -1.0f : (beyond >= 1.0f ? 1.0f : 0.0f);
+    const float below = clamp_of(floored + step, -1.0f, n - 1.0f);
+    const int low = (int)below;
     const int last = (int)size - 1;
     const int repeats = wrap == WRAP_REPEAT;
     TexelPair out;
-    out.weight = clamp_of((shifted - below) + rest, 0.0f, 1.0f);
+    out.weight = clamp_of(beyond - step, 0.0f, 1.0f);
     out.low = (uint)(low < 0 ? (repeats ? last : 0) : low);
     out.high = (uint)(low + 1 > last ? (repeats ? 0 : last) : low + 1);
     out.cell = (uint)(low + 1);
@@ -68,7 +76,8 @@ static TexelPair texel_pair(const float coordinate, const uint size, const uint 
 // The texel that holds the coordinate.
 static uint texel_nearest(const float coordinate, const uint size, const uint wrap)
 {
-    const uint place = (uint)(wrapped(coordinate, wrap) * (float)size);
+    float rest;
+    const uint place = (uint)(wrapped(coordinate, wrap, &rest) * (float)size);
     return place < size ? place : (wrap == WRAP_REPEAT ? 0u : size - 1u);
 }
 

@@ -16,6 +16,7 @@
 
 #define WHOLE 16777216.0f        // 2^24
 #define PATCH_UNIT 3.5527137e-15f  // 2^-48
+#define LEAST_SINE 1.0e-10f      // at the poles the density has no bound
 #define PI_SQUARED 9.86960440f
 
 static float luminance_of(const float3 c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
@@ -59,7 +60,7 @@ static float patch_pdf(const Geometry g, global const Texture *t, const uint4 te
                           luminance_of(texel_at(g.textures, t, texels.y, texels.w));
     const float patches = (float)t->width * (float)t->height * (row == 0u || row == t->height ? 2.0f : 1.0f);
     const float density = corners > 0.0f ? shares * (4.0f * luminance / corners) : 0.0f;
-    return density * (patches / (2.0f * PI_SQUARED)) / sine;
+    return density * (patches / (2.0f * PI_SQUARED)) / max_of(sine, LEAST_SINE);
 }
 
 typedef struct {
@@ -112,6 +113,7 @@ static LightSample environment_map_sample(global const Light *l, const Geometry 
     const float top = row == 0u ? 0.0f : (float)row - 0.5f;
     float sine, cosine, sine_phi, cosine_phi;
     sin_cos_turns(0.5f * ((top + half_row * y.weight) / (float)t->height), &sine, &cosine);
+    sine = max_of(sine, 0.0f);  // rounding may take it below at the lower pole
     sin_cos_turns(((float)column + 0.5f + x.weight) / (float)t->width, &sine_phi, &cosine_phi);
     const float3 color = texels_between(g.textures, t, x, y);
     LightSample out;
