@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from raytide.errors import list_words, nearest
+from raytide.scene.textured import may_be_textured
 from raytide.scene.values import Kind
 
 __all__ = ["Option", "list_words", "nearest", "option_of", "options_of", "value_words"]
@@ -29,12 +30,14 @@ class Option:
     range: str
     choices: tuple[str, ...]
     doc: str
+    textured: bool = False
 
     @property
     def wanted(self) -> str:
         """The accepted values in words, for example `a number above 0 [m]`."""
         words = f"{self.type} {self.range}" if self.range else self.type
-        return f"{words} [{self.unit}]" if self.unit else words
+        words = f"{words} [{self.unit}]" if self.unit else words
+        return f"{words}, or the name of a texture" if self.textured else words
 
 
 def options_of(model: type[BaseModel], prefix: str = "") -> list[Option]:
@@ -57,6 +60,7 @@ def option_of(model: type[BaseModel], name: str, prefix: str = "") -> Option:
         range=_range_words(field),
         choices=choices,
         doc=field.description or "",
+        textured=may_be_textured(field),
     )
 
 
@@ -81,17 +85,25 @@ def _type_words(field: FieldInfo, choices: tuple[str, ...]) -> str:
     return kinds[0].words if kinds else "text"
 
 
-def _range_words(field: FieldInfo) -> str:
-    """`from 0 to 1`, `above 0`, ... out of the field's bounds and its kind's."""
-    low = high = above = below = None
+def bounds_of(field: FieldInfo) -> tuple[float | None, float | None]:
+    """Least and largest number of a field, by its own bounds or its kind's."""
+    low = high = None
     for item in field.metadata:
         low = getattr(item, "ge", low)
         high = getattr(item, "le", high)
-        above = getattr(item, "gt", above)
-        below = getattr(item, "lt", below)
     for kind in _kinds(field):
         low = kind.low if low is None else low
         high = kind.high if high is None else high
+    return low, high
+
+
+def _range_words(field: FieldInfo) -> str:
+    """`from 0 to 1`, `above 0`, ... out of the field's bounds and its kind's."""
+    low, high = bounds_of(field)
+    above = below = None
+    for item in field.metadata:
+        above = getattr(item, "gt", above)
+        below = getattr(item, "lt", below)
     parts = []
     if low is not None:
         parts.append(f"from {low:.10g} to {high:.10g}" if high is not None else f"of at least {low:.10g}")

@@ -20,6 +20,7 @@ from raytide.scene.positions import find_keys, line_of, parent_of
 from raytide.scene.scene import FORMAT, GROUPS, Scene, make_table, name_fault
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import Box, Mesh, Shape
+from raytide.scene.texture_check import texture_problems
 
 TOP = ["format", "camera", "render", *GROUPS]
 
@@ -107,6 +108,8 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
     written = raw.get("materials", {})
     problems += object_problems(scene, list(written) if isinstance(written, dict) else [])
     problems += light_problems(scene)
+    textures = raw.get("textures", {})
+    problems += texture_problems(scene, list(textures) if isinstance(textures, dict) else [])
     return (None if camera is None or len(scene.objects) > len(tables["objects"]) else scene), problems
 
 
