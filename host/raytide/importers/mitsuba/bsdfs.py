@@ -12,6 +12,7 @@ from raytide.importers.mitsuba.metals import IORS, METALS
 from raytide.importers.mitsuba.reader import Reader
 
 SMALLEST_ALPHA = 1e-4  # raytide's
+ANISOTROPIC = {"roughness_u", "anisotropic", "normal_map", "bump"}  # keys that look at a surface's directions
 OTHERS = (
     "circular", "hair", "measured", "measured_polarized", "null", "polarizer", "pplastic", "principledthin", "retarder",
 )  # fmt: skip
@@ -33,17 +34,22 @@ def unknown_plugin(build: Build, plugin: Plugin, known: Sequence[str], lacking: 
 def material_of(build: Build, plugin: Plugin | None, shape: Plugin) -> str:
     """The name of the material of a BSDF, made once; a shape without one gets Mitsuba's grey."""
     if plugin is None:
-        made = build.materials.get(0)
-        if made is None or made not in build.tables.get("materials", {}):
-            made = build.put("materials", _default_table(build), shape, "default")
-            build.materials[0] = made
-        return made
-    if id(plugin) not in build.materials:
-        build.kept.append(plugin)
-        build.materials[id(plugin)] = ""  # stands in while a circle could come back here
-        table = table_of(build, plugin)
-        build.materials[id(plugin)] = build.put("materials", table, plugin) if table else ""
-    return build.materials[id(plugin)]
+        if (0,) not in build.materials:
+            build.materials[(0,)] = build.put("materials", _default_table(build), shape, "default")
+        return build.materials[(0,)]
+    plain, painted = (id(plugin), 2), (id(plugin), int(build.upside_down))
+    for key in (plain, painted):
+        if key in build.materials:
+            return build.materials[key]
+    build.kept.append(plugin)
+    build.textured = False
+    table = table_of(build, plugin)
+    name = build.put("materials", table, plugin) if table else ""
+    looks = build.textured or bool(table and ANISOTROPIC & set(table))
+    if looks:
+        build.painted.add(name)
+    build.materials[painted if looks else plain] = name
+    return name
 
 
 def _default_table(build: Build) -> Table:

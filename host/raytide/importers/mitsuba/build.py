@@ -25,7 +25,10 @@ class Build:
         self.tables: dict[str, Any] = {}
         self.places: dict[tuple[str, ...], tuple[str, int]] = {}
         self.textures = Textures(self)
-        self.materials: dict[int, str] = {}  # by identity of the plugin
+        self.materials: dict[tuple[int, ...], str] = {}  # by identity of plugins, and which way v runs
+        self.textured = False  # whether a material that is being read has textures
+        self.upside_down = False  # whether the shape that is being read counts v against Mitsuba
+        self.painted: set[str] = set()  # names of materials that look at texture coordinates
         self.kept: list[Plugin] = []  # keeps what `materials` names alive, so that identities stay unique
 
     @property

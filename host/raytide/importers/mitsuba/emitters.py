@@ -16,7 +16,7 @@ from raytide.importers.mitsuba.reader import Reader
 OTHERS = ("directionalarea", "projector", "timed_sunsky", "volumelight")
 
 
-def glowing_material(build: Build, emitter: Plugin, bsdf: Plugin | None, shape: Plugin, inside_out: bool) -> str:
+def glowing_material(build: Build, emitter: Plugin, bsdf: Plugin | None, shape: Plugin) -> str:
     """The material of a shape that shines; what it reflects too is the BSDF's."""
     if emitter.type != "area":
         known = ("area",)
@@ -24,10 +24,12 @@ def glowing_material(build: Build, emitter: Plugin, bsdf: Plugin | None, shape: 
         return material_of(build, bsdf, shape)
     reader = Reader(build, emitter)
     reader.ignore("id", "sampling_weight")
-    radiance = reader.emission("radiance")
+    build.textured = False
+    radiance = reader.emission("radiance", textured=True)
+    textured = build.textured
     reader.refuse("to_world", "the shape has one")
     reader.finish()
-    key = hash((id(emitter), id(bsdf) if bsdf else 0))
+    key = (id(emitter), id(bsdf) if bsdf else 0, int(build.upside_down), 1)
     if key in build.materials:
         return build.materials[key]
     build.kept += [emitter] if bsdf is None else [emitter, bsdf]
@@ -40,6 +42,8 @@ def glowing_material(build: Build, emitter: Plugin, bsdf: Plugin | None, shape: 
         reader.warn("the shape shines but does not reflect in raytide; its BSDF is left out")
     name = f"{emitter.id or (bsdf.id if bsdf and bsdf.id else shape.id) or shape.type}_light"
     build.materials[key] = build.put("materials", table, emitter, name)
+    if textured or base in build.painted:
+        build.painted.add(build.materials[key])
     return build.materials[key]
 
 

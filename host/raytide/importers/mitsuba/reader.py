@@ -11,6 +11,7 @@ import numpy as np
 from raytide.errors import list_words, nearest
 from raytide.importers.mitsuba.document import Plugin, Property
 from raytide.importers.mitsuba.spectra import emitted_rgb, reflected_rgb
+from raytide.importers.mitsuba.textures import CONSTANTS
 from raytide.importers.mitsuba.values import Spectrum
 
 if TYPE_CHECKING:
@@ -116,11 +117,13 @@ class Reader:
 
     # colours
 
-    def emission(self, name: str, default: float = 1.0) -> list[float]:
-        """Radiance, intensity or irradiance as linear Rec. 709."""
+    def emission(self, name: str, default: float = 1.0, *, textured: bool = False) -> Any:
+        """Radiance, intensity or irradiance as linear Rec. 709, or (if `textured`) the name of a texture."""
         item = self.find(name, (*COLOURS, "object"))
         if item is None:
             return [default] * 3
+        if item.kind == "object" and textured and item.value.type not in CONSTANTS:
+            return self.build.textures.value(self, name, item, colour=True)
         if item.kind == "object":
             return self.build.textures.constant(self, name, item, emitted=True) or [default] * 3
         if item.kind == "spectrum":

@@ -11,6 +11,7 @@ import numpy as np
 
 from raytide.errors import SceneError
 from raytide.importers.geometry import load_mesh
+from raytide.importers.mitsuba import patches
 from raytide.importers.mitsuba.bsdfs import material_of, unknown_plugin
 from raytide.importers.mitsuba.build import Build
 from raytide.importers.mitsuba.document import Plugin
@@ -19,7 +20,7 @@ from raytide.importers.mitsuba.reader import Reader
 from raytide.importers.mitsuba.transforms import is_mirror, step_of, translation
 
 OTHERS = ("bsplinecurve", "linearcurve", "sdfgrid", "merge", "ellipsoids", "ellipsoidsmesh")
-CYLINDER_SIDES = 128  # of the tessellated cylinder: its area is 0.04 % small
+POLES = np.array([[0.0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # raytide's sphere has them on y, Mitsuba's on z
 
 Table = dict[str, Any]
 
@@ -32,21 +33,21 @@ def read_shape(build: Build, plugin: Plugin, *, hidden: bool = False) -> str | N
     reader = Reader(build, plugin)
     reader.ignore("id", "silhouette_sampling_weight")
     flips = reader.flag("flip_normals", False)
-    table = SHAPES[plugin.type](reader, flips)
+    build.upside_down = plugin.type == "sphere"
+    bsdf, emitter = reader.part("bsdf"), reader.part("emitter")
+    material = glowing_material(build, emitter, bsdf, plugin) if emitter else material_of(build, bsdf, plugin)
+    build.upside_down = False
+    table = SHAPES[plugin.type](reader, flips, material in build.painted)
     for tag in ("medium", "sensor", "shape"):
         for item in reader.parts(tag):
             build.report.add(item.element, plugin.words, f"<{tag}> inside it, which raytide lacks", "none")
     for name, item in plugin.properties.items():
         if name.startswith(("vertex_", "face_")) and item.kind == "object":
             reader.refuse(name, "attributes of shapes")
-    bsdf, emitter = reader.part("bsdf"), reader.part("emitter")
     reader.finish()
     if table is None:
         return None
-    if emitter is not None:
-        table["material"] = glowing_material(build, emitter, bsdf, plugin, flips and plugin.type in ("sphere", "cube"))
-    else:
-        table["material"] = material_of(build, bsdf, plugin)
+    table["material"] = material
     if hidden:
         table["visible_to"] = []
     name = build.put("objects", table, plugin)
@@ -60,10 +61,15 @@ def read_shape(build: Build, plugin: Plugin, *, hidden: bool = False) -> str | N
 # analytic shapes
 
 
-def _sphere(reader: Reader, flips: bool) -> Table:
+def _sphere(reader: Reader, flips: bool, painted: bool) -> Table:
     center, radius = reader.vector("center", (0, 0, 0)), reader.number("radius", 1.0)
     matrix = reader.matrix()
     table: Table = {"type": "sphere", "center": center, "radius": radius, "transform": step_of(matrix)}
+    if painted:  # raytide's poles lie on y, Mitsuba's on z
+        place = matrix @ translation(center) @ POLES
+        table |= {"center": [0.0] * 3, "transform": step_of(place)}
+        if is_mirror(matrix):
+            reader.warn("textures of a mirrored sphere are placed otherwise than in Mitsuba")
     if flips != is_mirror(matrix):  # a mirroring transform turns Mitsuba's sphere inside out
         _inside_out(reader, table)
     return table
@@ -81,27 +87,33 @@ def _inside_out(reader: Reader, table: Table) -> None:
         reader.warn("normals to the inside; raytide's point outwards, which shows only where front and back differ")
 
 
-def _rectangle(reader: Reader, flips: bool) -> Table:
+def _rectangle(reader: Reader, flips: bool, painted: bool) -> Table:
     reader.ignore("face_normals")
     matrix = reader.matrix()
+    if painted and (flips or is_mirror(matrix)):  # raytide turns v where it turns the normal
+        return inline_mesh(patches.square(), matrix, flip=flips)
     v = [0.0, -1.0, 0.0] if flips else [0.0, 1.0, 0.0]
     return {"type": "rectangle", "u": [1.0, 0.0, 0.0], "v": v, "transform": step_of(matrix)}
 
 
-def _disk(reader: Reader, flips: bool) -> Table:
+def _disk(reader: Reader, flips: bool, painted: bool) -> Table:
+    matrix = reader.matrix()
+    if painted:  # Mitsuba's coordinates of a disk are polar
+        reader.warn(f"a disk with a texture becomes triangles: {patches.SECTORS} sectors")
+        return inline_mesh(patches.polar_disk(), matrix, flip=flips)
     normal = [0.0, 0.0, -1.0] if flips else [0.0, 0.0, 1.0]
-    return {"type": "disk", "normal": normal, "radius": 1.0, "transform": step_of(reader.matrix())}
+    return {"type": "disk", "normal": normal, "radius": 1.0, "transform": step_of(matrix)}
 
 
-def _cube(reader: Reader, flips: bool) -> Table:
+def _cube(reader: Reader, flips: bool, painted: bool) -> Table:
     reader.ignore("face_normals")
-    table: Table = {"type": "box", "min": [-1.0] * 3, "max": [1.0] * 3, "transform": step_of(reader.matrix())}
-    if flips:
-        _inside_out(reader, table)
-    return table
+    matrix = reader.matrix()
+    if painted or flips:
+        return inline_mesh(patches.cube(), matrix, flip=flips)
+    return {"type": "box", "min": [-1.0] * 3, "max": [1.0] * 3, "transform": step_of(matrix)}
 
 
-def _cylinder(reader: Reader, flips: bool) -> Table:
+def _cylinder(reader: Reader, flips: bool, painted: bool) -> Table:
     """An open tube, as triangles with smooth normals: raytide has no analytic one."""
     start, end = reader.vector("p0", (0, 0, 0)), reader.vector("p1", (0, 0, 1))
     radius, matrix = reader.number("radius", 1.0), reader.matrix()
@@ -110,31 +122,25 @@ def _cylinder(reader: Reader, flips: bool) -> Table:
     if not (length > 0 and radius > 0):
         reader.problem("radius", f"radius {radius:g} and length {length:g}", "both above 0")
         length, along, radius = 1.0, np.array([0.0, 0.0, 1.0]), 1.0
-    reader.warn(f"a cylinder becomes a tube of {CYLINDER_SIDES} sides")
-    vertices, faces = tube(CYLINDER_SIDES)
+    reader.warn(f"a cylinder becomes a tube of {patches.SECTORS} sides")
     place = translation(start) @ _frame(along / length) @ np.diag([radius, radius, length, 1.0])
-    table: Table = {
-        "type": "mesh", "vertices": (vertices @ place[:3, :3].T + place[:3, 3]).tolist(),
-        "faces": (faces[:, ::-1] if flips != is_mirror(matrix) else faces).tolist(), "smooth": True,
-        "transform": step_of(matrix),
-    }  # fmt: skip
-    return table
+    patch = patches.tube()
+    moved = patches.Patch(patch.vertices @ place[:3, :3].T + place[:3, 3], patch.faces, patch.uv)
+    return inline_mesh(moved, matrix, flip=flips != is_mirror(matrix)) | {"smooth": True}
 
 
-def tube(sides: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (2 n, 3) on the unit cylinder from z = 0 to 1, and faces (2 n, 3) whose front is outside."""
-    angles = 2 * np.pi * np.arange(sides) / sides
-    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides)], axis=1)
-    low = np.arange(sides)
-    following = (low + 1) % sides
-    lower = np.stack([low, following, following + sides], axis=1)
-    upper = np.stack([low, following + sides, low + sides], axis=1)
-    return np.concatenate([ring, ring + (0, 0, 1)]), np.concatenate([lower, upper])
+def inline_mesh(patch: patches.Patch, matrix: np.ndarray, *, flip: bool) -> Table:
+    """A patch as an inline mesh. Vertices are rounded to 9 digits: float32 holds seven."""
+    table: Table = {"type": "mesh", "vertices": patch.vertices.round(9).tolist(), "faces": patch.faces.tolist()}
+    table["uv"] = patch.uv.round(9).tolist()
+    if flip:
+        table["flip"] = True
+    return table | {"transform": step_of(matrix)}
 
 
 def _frame(axis: np.ndarray) -> np.ndarray:
-    """(4, 4) turn that takes z to a unit axis."""
-    side = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+    """(4, 4) turn that takes z to a unit axis; the identity for z itself."""
+    side = np.cross((0.0, 1.0, 0.0) if abs(axis[1]) < 0.9 else (0.0, 0.0, 1.0), axis)
     side /= np.linalg.norm(side)
     result = np.eye(4)
     result[:3, :3] = np.column_stack([side, np.cross(axis, side), axis])
@@ -144,7 +150,7 @@ def _frame(axis: np.ndarray) -> np.ndarray:
 # meshes
 
 
-def _mesh(reader: Reader, flips: bool) -> Table | None:
+def _mesh(reader: Reader, flips: bool, painted: bool) -> Table | None:
     path, matrix = reader.file(), reader.matrix()
     suffix = "." + reader.plugin.type
     faceted = reader.flag("face_normals", False)
@@ -221,7 +227,7 @@ def read_instance(build: Build, plugin: Plugin, groups: dict[int, list[str]]) ->
         build.put("objects", {"type": "instance", "of": name, "transform": step_of(matrix)}, plugin)
 
 
-SHAPES: dict[str, Callable[[Reader, bool], Table | None]] = {
+SHAPES: dict[str, Callable[[Reader, bool, bool], Table | None]] = {
     "cube": _cube,
     "cylinder": _cylinder,
     "disk": _disk,
