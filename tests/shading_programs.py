@@ -13,17 +13,13 @@ import numpy as np
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
+from raytide.scene.materials import MATERIALS, SWITCHES, Material
 
 F4 = np.dtype("<f4")
 LOCAL = 64
 
-PARAMETERS: tuple[tuple[str, tuple[tuple[str, int], ...]], ...] = (
-    ("dielectric", (("ior", 1),)),
-    ("diffuse", (("reflectance", 3),)),
-    ("emissive", (("radiance", 3), ("two_sided", 1))),
-    ("glossy", (("reflectance", 3), ("specular_color", 3), ("specular", 1), ("roughness", 1))),
-    ("mirror", (("reflectance", 3),)),
-    ("rough_conductor", (("eta", 3), ("k", 3), ("roughness", 1))),
+PARAMETERS: tuple[tuple[str, tuple[tuple[str, int], ...]], ...] = tuple(
+    (kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS)
 )
 
 MATH_OPERATIONS = {
@@ -37,11 +33,22 @@ MATH_OPERATIONS = {
     "square_to_triangle": "r.xy = square_to_triangle(a.xy);",
     "frame_s": "r.xyz = frame_of(a.xyz).s;",
     "frame_t": "r.xyz = frame_of(a.xyz).t;",
+    "frame_along_s": "r.xyz = frame_along(a.xyz, b.xyz).s;",
+    "frame_along_t": "r.xyz = frame_along(a.xyz, b.xyz).t;",
     "round_trip": "r.xyz = to_local(frame_of(a.xyz), to_world(frame_of(a.xyz), b.xyz));",
     "power_heuristic": "r.x = power_heuristic(a.x, a.y);",
     "ggx_density": "r.x = ggx_density(a.xyz, b.x);",
     "ggx_half_visibility": "r.x = ggx_half_visibility(a.z, b.x);",
-    "ggx_visible_normal": "r.xyz = ggx_visible_normal(a.xyz, a.w, b.xy); r.w = dot3(r.xyz, a.xyz);",
+    "ggx_visible_normal": "r.xyz = ggx_visible_normal(a.xyz, (float2)(a.w), b.xy); r.w = dot3(r.xyz, a.xyz);",
+    "ggx_density2": "r.x = ggx_density2(a.xyz, b.xy);",
+    "ggx_half_visibility2": "r.x = ggx_half_visibility2(a.xyz, b.xy);",
+    "beckmann_density": "r.x = beckmann_density(a.xyz, b.xy);",
+    "beckmann_half_visibility": "r.x = beckmann_half_visibility(a.xyz, b.xy);",
+    "beckmann_visible_normal": "r.xyz = beckmann_visible_normal(a.xyz, (float2)(a.w), b.xy); r.w = dot3(r.xyz, a.xyz);",
+    "beckmann_slope": "r.x = beckmann_slope(a.x, a.y, a.z);",
+    "exp_of": "r.x = exp_of(a.x);",
+    "erf_complement": "r.x = erf_complement(a.x);",
+    "inverse_erf": "r.x = inverse_erf(a.x);",
     "conductor_reflectance": "r.x = conductor_reflectance(a.x, a.y, a.z);",
     "dielectric_reflectance": "r.x = dielectric_reflectance(a.x, a.y, a.z, a.w, &x); r.y = x;",
     "spot_falloff": "r.x = spot_falloff(a.x, a.y, a.z);",
@@ -52,7 +59,7 @@ _MATH = """
 #include "base/frame.cl"
 #include "base/warp.cl"
 #include "base/mis.cl"
-#include "base/ggx.cl"
+#include "base/facets.cl"
 #include "base/fresnel.cl"
 #include "light/spot.cl"
 kernel void probe_math(const uint operation, const uint count, global const float4 *in_a, global const float4 *in_b,
@@ -140,6 +147,7 @@ def every_feature(**changes: Any) -> Features:
             "lights": ("directional", "emitter", "environment", "point", "spot"),
             "shapes": ("box", "disk", "plane", "rectangle", "sphere"),
             "tree": False,
+            **dict.fromkeys(SWITCHES, True),
             **changes,
         }
     )
@@ -184,7 +192,7 @@ def math_probe(device: Any, operation: str, a: np.ndarray, b: np.ndarray | None 
 
 @dataclass(frozen=True)
 class Model:
-    """A material by kind and parameter values; missing parameters are 0."""
+    """A material by kind and parameter values; missing parameters are 0, tints of specular light 1."""
 
     kind: str
     values: tuple[tuple[str, tuple[float, ...]], ...]
@@ -192,8 +200,17 @@ class Model:
     @staticmethod
     def of(kind: str, **values: Any) -> Model:
         widths = dict(dict(PARAMETERS)[kind])
+        if "roughness_u" in widths and "roughness" in values:
+            values["roughness_u"] = values["roughness_v"] = values.pop("roughness")
+        tints = {name: 1.0 for name in ("specular_reflectance", "specular_transmittance") if name in widths}
+        values = tints | values
         given = {name: tuple(np.broadcast_to(value, widths[name]).astype(float)) for name, value in values.items()}
         return Model(kind, tuple(given.items()))
+
+    @staticmethod
+    def from_scene(material: Material) -> Model:
+        """What the device gets for a material of a scene."""
+        return Model(material.type, tuple(material.parameters()))
 
     def record(self) -> np.ndarray:
         row = np.zeros(1, RECORDS["Material"].dtype)

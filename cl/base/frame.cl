@@ -21,6 +21,19 @@ static Frame frame_of(const float3 n)
     return frame;
 }
 
+// Frame about unit n whose s follows `tangent`, of any length; Duff's where the tangent is zero or along n.
+static Frame frame_along(const float3 n, const float3 tangent)
+{
+    Frame frame = frame_of(n);
+    const float3 s = tangent - n * dot3(n, tangent);
+    const float squared = dot3(s, s);
+    const int usable = squared > 1.0e-6f * dot3(tangent, tangent) && squared > 1.0e-30f && squared < 1.0e30f;
+    const float3 unit = s * (1.0f / sqrt_of(usable ? squared : 1.0f));
+    frame.s = usable ? unit : frame.s;
+    frame.t = usable ? cross3(n, unit) : frame.t;
+    return frame;
+}
+
 static float3 to_world(const Frame frame, const float3 v)
 {
     return frame.s * v.x + frame.t * v.y + frame.n * v.z;

@@ -3,7 +3,8 @@
 #include "base/portable.cl"
 #include "base/vector.cl"
 
-// Isotropic GGX (Trowbridge and Reitz 1975, Walter et al. 2007) with separable Smith masking, G = G1(wo) G1(wi).
+// GGX (Trowbridge and Reitz 1975, Walter et al. 2007) with separable Smith masking, G = G1(wo) G1(wi): isotropic forms,
+// and those of two alphas along x and y (Heitz 2014), whose names end in 2.
 
 #define GGX_MIRROR 1.0e-4f  // alpha below which the lobe is a single direction
 
@@ -22,18 +23,35 @@ static float ggx_half_visibility(const float z, const float alpha)
     return 1.0f / (z + sqrt_of(z * z + alpha * alpha * ((1.0f - z) * (1.0f + z))));
 }
 
+static float ggx_density2(const float3 h, const float2 alpha)
+{
+    const float area = alpha.x * alpha.y;
+    const float x = h.x * alpha.y;
+    const float y = h.y * alpha.x;
+    const float z = h.z * area;
+    const float ratio = area / (x * x + y * y + z * z);
+    return ratio * ratio * (area * INVERSE_PI);
+}
+
+static float ggx_half_visibility2(const float3 w, const float2 alpha)
+{
+    const float x = alpha.x * w.x;
+    const float y = alpha.y * w.y;
+    return 1.0f / (w.z + sqrt_of(w.z * w.z + x * x + y * y));
+}
+
 // Facet normal seen from wo (wo.z >= 0), pdf = D G1(wo) (wo.h) / wo.z: a spherical cap, stretched (Dupuy and Benyoub
 // 2023). 1 +- z of the cap are built from their parts, so that no square root sees a negative number.
-static float3 ggx_visible_normal(const float3 wo, const float alpha, const float2 u)
+static float3 ggx_visible_normal(const float3 wo, const float2 alpha, const float2 u)
 {
-    const float3 o = normalize3((float3)(alpha * wo.x, alpha * wo.y, wo.z));
+    const float3 o = normalize3((float3)(alpha.x * wo.x, alpha.y * wo.y, wo.z));
     const float above = 1.0f + o.z;
     const float below = (o.x * o.x + o.y * o.y) / above;         // 1 - o.z
     const float lift = max_of((1.0f - u.y) * above, 5.9604645e-8f);  // cap's z + o.z; u.y = 1 would leave no normal
     const float r = sqrt_of(u.y * above * (below + lift));
     float s, c;
     sin_cos_turns(u.x, &s, &c);
-    return normalize3((float3)(alpha * (r * c + o.x), alpha * (r * s + o.y), lift));
+    return normalize3((float3)(alpha.x * (r * c + o.x), alpha.y * (r * s + o.y), lift));
 }
 
 // Half vector of two directions of the upper hemisphere with the cosine between it and either; same bits if wi and wo

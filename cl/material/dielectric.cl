@@ -3,7 +3,7 @@
 #include "base/fresnel.cl"
 #include "base/portable.cl"
 
-// Smooth boundary; ior = index behind the surface / index before it. The only material that gets wo on both sides.
+// Smooth boundary; ior = index behind the surface / index before it. Gets wo on both sides.
 // Reflection and refraction are single directions, chosen by Fresnel's reflectance with u.z. Refraction scales
 // radiance by (n_o / n_i)^2, since radiance / n^2 is what a boundary conserves.
 static BsdfSample dielectric_sample(const Dielectric m, const float3 wo, const float4 u)
@@ -18,7 +18,7 @@ static BsdfSample dielectric_sample(const Dielectric m, const float3 wo, const f
     const float bend = reflects ? 1.0f : ratio;
     BsdfSample out;
     out.wi = (float3)(-wo.x * bend, -wo.y * bend, reflects ? wo.z : (outside ? -cosine_i : cosine_i));
-    out.weight = (float3)(bend * bend);
+    out.weight = (reflects ? m.specular_reflectance : m.specular_transmittance) * (bend * bend);
     out.pdf = reflects ? reflectance : 1.0f - reflectance;
     out.flags = reflects ? BSDF_DELTA : BSDF_DELTA | BSDF_TRANSMIT;
     return out;
@@ -36,5 +36,5 @@ static float dielectric_pdf(const Dielectric m, const float3 wo, const float3 wi
 
 static float3 dielectric_albedo(const Dielectric m)
 {
-    return (float3)(1.0f);
+    return m.specular_transmittance;
 }

@@ -60,7 +60,7 @@ static BsdfSample glossy_sample(const Glossy m, const float3 wo, const float4 u)
     const float share = glossy_specular_share(m, wo.z);
     const int specular = u.z < share;
     const int smooth = specular && m.roughness < GGX_MIRROR;
-    const float3 facet = ggx_visible_normal(wo, m.roughness, u.xy);
+    const float3 facet = ggx_visible_normal(wo, (float2)(m.roughness), u.xy);
     const float3 bounced = smooth ? (float3)(-wo.x, -wo.y, wo.z) : reflect_about(wo, facet);
     BsdfSample out;
     out.wi = specular ? bounced : cosine_hemisphere(u.xy);

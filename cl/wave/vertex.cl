@@ -8,13 +8,16 @@
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
 #include "accel/textured.cl"
+#if HAS_TANGENTS
+#include "accel/tangent.cl"
+#endif
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
 
 typedef struct {
     Surface surface;
-    Frame frame;    // shading frame on the viewer's side, except dielectrics: on the front side
+    Frame frame;    // shading frame on the viewer's side; of materials that light passes, on the front side
     float3 wo;      // towards the viewer, in the shading frame
     float3 normal;  // geometric, on the viewer's side
     float cos_o;    // of the viewer's direction to the geometric front side
@@ -63,8 +66,8 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     const int back = v.cos_o < 0.0f;
     v.normal = back ? -v.surface.ng : v.surface.ng;
     float3 n = v.surface.n;
-#if HAS_DIELECTRIC
-    const int turn = back && material->kind != MATERIAL_DIELECTRIC;
+#if HAS_TRANSMISSION
+    const int turn = back && !(material->flags & MATERIAL_TRANSMITS);
 #else
     const int turn = back;
 #endif
@@ -72,7 +75,11 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     // A shading normal turned away from the viewer has no meaning there: fall back to the geometric one.
     const int hidden = !(dot3(n, wo) * (turn || !back ? 1.0f : -1.0f) > 0.0f);
     n = hidden ? (turn ? v.normal : v.surface.ng) : n;
+#if HAS_TANGENTS
+    v.frame = frame_along(n, tangent_of(g, v.surface));
+#else
     v.frame = frame_of(n);
+#endif
     v.wo = to_local(v.frame, wo);
     return v;
 }

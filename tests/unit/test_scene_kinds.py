@@ -20,6 +20,9 @@ SAMPLES = {
     "mirror": rt.Mirror(),
     "glossy": rt.Glossy(0.2, specular=0.5),
     "rough_conductor": rt.RoughConductor("gold"),
+    "conductor": rt.Conductor(eta=1.5, k=(2, 3, 4)),
+    "rough_dielectric": rt.RoughDielectric(1.5, roughness_v=0.2),
+    "thin_dielectric": rt.ThinDielectric(1.5),
     "dielectric": rt.Dielectric(1.5, exterior_ior=1.25),
 }
 
@@ -37,7 +40,7 @@ def test_parameters_have_the_declared_order_and_size(kind: str) -> None:
 
 def test_parameters_carry_derived_values() -> None:
     assert dict(SAMPLES["emissive"].parameters()) == {"radiance": (2, 4, 6), "two_sided": (1,)}
-    assert dict(SAMPLES["dielectric"].parameters()) == {"ior": (1.2,)}
+    assert dict(SAMPLES["dielectric"].parameters()) ["ior"] == (1.2,)
     gold = dict(SAMPLES["rough_conductor"].parameters())
     assert (gold["eta"], gold["k"]) == CONDUCTORS["gold"]
 
@@ -73,7 +76,7 @@ def test_every_key_has_a_line_of_help() -> None:
 def test_defaults_pass_their_own_check(tmp_path: Path) -> None:
     for name, options in kinds()["materials"].items():
         keys = {option.key: option.default for option in options if option.default is not None}
-        if name in ("emissive", "rough_conductor"):
+        if name in ("emissive", "conductor", "rough_conductor"):
             continue  # these have keys without a default
         assert MATERIALS[name](**keys) == MATERIALS[name]()
 

@@ -6,7 +6,9 @@ Adding a material, shape or light touches nothing here: its file in `cl/` and it
 from __future__ import annotations
 
 from raytide.kernels.features import SKIES, Features
+from raytide.kernels.records import MATERIAL_FLOATS
 
+_TYPES = {1: "float", 3: "float3", 4: "float4"}
 _MATERIAL_FUNCTIONS = {
     # name: (return type, further parameters, further arguments, value where the kind is unknown)
     "sample": ("BsdfSample", "const float3 wo, const float4 u", "wo, u", "no_bsdf_sample()"),
@@ -39,14 +41,14 @@ def parameters_text(features: Features) -> str:
     for kind, parameters in features.materials:
         members, loads, place = [], [], 0
         for name, width in parameters:
-            if width not in (1, 3):
-                raise ValueError(f"{kind}.{name}: a parameter has 1 or 3 floats, not {width}")
-            members.append(f"    {'float3' if width == 3 else 'float'} {name};")
+            if width not in _TYPES:
+                raise ValueError(f"{kind}.{name}: a parameter has 1, 3 or 4 floats, not {width}")
+            members.append(f"    {_TYPES[width]} {name};")
             words = ", ".join(f"m->p{i // 4}.s{i % 4}" for i in range(place, place + width))
-            loads.append(f"    out.{name} = {f'(float3)({words})' if width == 3 else words};")
+            loads.append(f"    out.{name} = {words if width == 1 else f'({_TYPES[width]})({words})'};")
             place += width
-        if place > 16:
-            raise ValueError(f"material {kind} has {place} floats; a record holds 16")
+        if place > MATERIAL_FLOATS:
+            raise ValueError(f"material {kind} has {place} floats; a record holds {MATERIAL_FLOATS}")
         name = type_name(kind)
         out.append(
             f"typedef struct {{\n{chr(10).join(members)}\n}} {name};\n"

@@ -46,6 +46,9 @@ class Features:
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
+    transmission: bool = False  # any material that light passes through
+    beckmann: bool = False  # any material that names the law of its facets
+    tangents: bool = False  # any material that differs along the surface's two directions
     counters: bool = False  # instrumented build
 
     @property

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 NONE = 0xFFFFFFFF  # "no primitive", "no light", "no object"
+MATERIAL_FLOATS = 32  # parameters that a material record holds
 
 _WIDTH = {"float": 1, "int": 1, "uint": 1, "float4": 4, "uint4": 4, "float8": 8, "uint8": 8}
 _BASE = {"float": np.dtype("<f4"), "int": np.dtype("<i4"), "uint": np.dtype("<u4")}
@@ -154,10 +155,12 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "zero"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
-        *[("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(4)],
+        *[
+            ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(MATERIAL_FLOATS // 4)
+        ],
     ),
     _record(
         "Light",

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.accel import FlatGeometry
+from raytide.kernels.constants import TRANSMITS
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.lights import pack_lights
@@ -41,12 +42,13 @@ class PackedScene:
 
 def features_of(flat: FlatScene, everything: bool = False) -> Features:
     """The switches that the scene's kinds and keys ask for; `everything` turns on all that can be combined."""
-    from raytide.scene.materials import MATERIALS
+    from raytide.scene.materials import MATERIALS, SWITCHES
     from raytide.scene.shapes import ANALYTIC_KINDS
 
     render, camera = flat.render, flat.camera
     used = {flat.materials[thing.material].type for thing in flat.objects}  # named but unused ones cost nothing
     present = set(MATERIALS) if everything else used
+    asked = {name for thing in flat.objects for name in flat.materials[thing.material].switches()}
     lights = {light.kernel for light in flat.lights}
     if "emissive" in used:
         lights.add("emitter")
@@ -66,6 +68,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         gaussian=render.filter == "gaussian",
         center=render.filter == "centre",
         local=render.integrator == "local",
+        **{name: everything or name in asked for name in SWITCHES},
     )
 
 
@@ -139,6 +142,7 @@ def _materials(flat: FlatScene) -> np.ndarray:
     materials = np.zeros(len(flat.materials), RECORDS["Material"].dtype)
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
+        row["flags"] = TRANSMITS if model.TRANSMITS else 0
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x

@@ -22,7 +22,17 @@ from raytide.scene.camera import Orthographic, ThinLens
 from raytide.scene.camera import Pinhole as Camera
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
 from raytide.scene.load import from_tables, load
-from raytide.scene.materials import Dielectric, Diffuse, Emissive, Glossy, Mirror, RoughConductor
+from raytide.scene.materials import (
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Emissive,
+    Glossy,
+    Mirror,
+    RoughConductor,
+    RoughDielectric,
+    ThinDielectric,
+)
 from raytide.scene.materials import Emissive as Emit
 from raytide.scene.scene import Scene
 from raytide.scene.settings import RenderSettings
@@ -31,6 +41,7 @@ from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
 __all__ = [
     "Box",
     "Camera",
+    "Conductor",
     "Dielectric",
     "Diffuse",
     "DirectionalLight",
@@ -47,9 +58,11 @@ __all__ = [
     "Rectangle",
     "RenderSettings",
     "RoughConductor",
+    "RoughDielectric",
     "Scene",
     "Sphere",
     "SpotLight",
+    "ThinDielectric",
     "ThinLens",
     "bitmap",
     "box",

@@ -5,6 +5,7 @@ To add one, write its class here and its `cl/material/NAME.cl`; PARAMETERS is th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -15,13 +16,18 @@ from raytide.scene.presets import CONDUCTORS
 from raytide.scene.textured import allow_texture, texture_of
 from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, check_product, key
 
+Distribution = Literal["ggx", "beckmann"]
 Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
+
+
+SWITCHES = ("beckmann", "tangents", "transmission")  # of kernels/features.py, that materials turn on
 
 
 class Material(Table):
     """How a surface answers light."""
 
     PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = ()
+    TRANSMITS: ClassVar[bool] = False  # light passes: the kernels then tell the front from the back
     type: str
 
     @classmethod
@@ -30,6 +36,10 @@ class Material(Table):
         for name, width in cls.PARAMETERS:
             if name in cls.model_fields and cls.model_fields[name].annotation is not bool:
                 allow_texture(cls.model_fields[name], width)
+
+    def switches(self) -> frozenset[str]:
+        """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""
+        return frozenset({"transmission"} if self.TRANSMITS else ())
 
     def parameters(self) -> list[tuple[str, tuple[float, ...]]]:
         """What the device gets, in PARAMETERS order: a colour as 3 floats, a number as 1."""
@@ -97,16 +107,14 @@ class Glossy(Material):
     roughness: Number = key(0.2, low=1e-4, high=1, doc="GGX alpha of the specular part")
 
 
-class RoughConductor(Material):
-    """A metal with a GGX surface: a preset, or eta and k."""
+class Metal(Material):
+    """What metals share: a preset, or eta and k."""
 
-    PARAMETERS = (("eta", 3), ("k", 3), ("roughness", 1))
     FIRST: ClassVar[str] = "preset"
-    type: Literal["rough_conductor"] = "rough_conductor"
     preset: Preset | None = key(None, doc="a measured metal")
     eta: Index | None = key(None, doc="real part of the index of refraction")
     k: Index | None = key(None, doc="imaginary part of the index of refraction")
-    roughness: Number = key(0.1, low=1e-4, high=1, doc="GGX alpha")
+    specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what is reflected")
 
     @model_validator(mode="after")
     def _one_metal(self) -> Self:
@@ -120,20 +128,107 @@ class RoughConductor(Material):
     def parameter(self, name: str) -> Any:
         if self.preset is not None and name in ("eta", "k"):
             return getattr(CONDUCTORS[self.preset], name)
-        return getattr(self, name)
+        return super().parameter(name)
 
 
-class Dielectric(Material):
-    """A smooth boundary to glass, water, ...: reflects and refracts. The normal points out of the material."""
+class Facets(Material):
+    """What rough surfaces share: the law of their facets, and alpha along both axes of the shading frame."""
 
-    PARAMETERS = (("ior", 1),)
-    FIRST: ClassVar[str] = "ior"
-    type: Literal["dielectric"] = "dielectric"
-    ior: Number = key(1.5, low=0.01, high=100, doc="index of refraction inside")
-    exterior_ior: Number = key(1.0, low=0.01, high=100, doc="index of refraction outside")
+    roughness: Number = key(0.1, low=1e-4, high=1, doc="alpha of the facets")
+    distribution: Distribution = key("ggx", doc="law of the facets' slopes")
+
+    def switches(self) -> frozenset[str]:
+        return super().switches() | ({"beckmann"} if "distribution" in self.model_fields_set else set())
 
     def parameter(self, name: str) -> Any:
-        return self.ior / self.exterior_ior
+        return self.distribution == "beckmann" if name == "beckmann" else super().parameter(name)
 
 
-MATERIALS: dict[str, type[Material]] = {kind.model_fields["type"].default: kind for kind in Material.__subclasses__()}
+class StretchedFacets(Facets):
+    """Facets whose alpha may differ along the surface's two directions."""
+
+    roughness_u: Number | None = key(None, low=1e-4, high=1, doc="alpha along u; by default roughness")
+    roughness_v: Number | None = key(None, low=1e-4, high=1, doc="alpha along v; by default roughness")
+
+    def switches(self) -> frozenset[str]:
+        stretched = self.model_fields_set & {"roughness_u", "roughness_v"}
+        return super().switches() | ({"tangents"} if stretched else set())
+
+    def parameter(self, name: str) -> Any:
+        if name in ("roughness_u", "roughness_v"):
+            given = getattr(self, name)
+            return self.roughness if given is None else given
+        return super().parameter(name)
+
+
+class Conductor(Metal):
+    """A smooth metal: a preset, or eta and k."""
+
+    PARAMETERS = (("eta", 3), ("k", 3), ("specular_reflectance", 3))
+    type: Literal["conductor"] = "conductor"
+
+
+class RoughConductor(Metal, StretchedFacets):
+    """A metal with a rough surface: a preset, or eta and k."""
+
+    PARAMETERS = (
+        ("eta", 3), ("k", 3), ("specular_reflectance", 3), ("roughness_u", 1), ("roughness_v", 1), ("beckmann", 1),
+    )  # fmt: skip
+    FIRST: ClassVar[str] = "preset"
+    type: Literal["rough_conductor"] = "rough_conductor"
+
+
+class Boundary(Material):
+    """What clear materials share: two indices, and tints."""
+
+    FIRST: ClassVar[str] = "ior"
+    TRANSMITS: ClassVar[bool] = True
+    ior: Number = key(1.5, low=0.01, high=100, doc="index of refraction inside")
+    exterior_ior: Number = key(1.0, low=0.01, high=100, doc="index of refraction outside")
+    specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what is reflected")
+    specular_transmittance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what goes through")
+
+    def parameter(self, name: str) -> Any:
+        return self.ior / self.exterior_ior if name == "ior" else super().parameter(name)
+
+
+class Dielectric(Boundary):
+    """A smooth boundary to glass, water, ...: reflects and refracts. The normal points out of the material."""
+
+    PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
+    type: Literal["dielectric"] = "dielectric"
+
+
+class RoughDielectric(Boundary, StretchedFacets):
+    """A rough boundary to glass, water, ...: ground glass. The normal points out of the material."""
+
+    PARAMETERS = (
+        ("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3), ("roughness_u", 1), ("roughness_v", 1),
+        ("beckmann", 1),
+    )  # fmt: skip
+    FIRST: ClassVar[str] = "ior"
+    type: Literal["rough_dielectric"] = "rough_dielectric"
+
+    @model_validator(mode="after")
+    def _bends(self) -> Self:
+        ratio = self.ior / self.exterior_ior
+        if abs(ratio - 1) < 1e-3:
+            raise ValueError(f"came ior / exterior_ior = {ratio:g}; wanted it to differ from 1 by at least 0.001")
+        return self
+
+
+class ThinDielectric(Boundary):
+    """A thin pane: reflects, and lets the rest go straight on."""
+
+    PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
+    type: Literal["thin_dielectric"] = "thin_dielectric"
+
+
+def _kinds(base: type[Material]) -> Iterator[type[Material]]:
+    for kind in base.__subclasses__():
+        if kind.PARAMETERS:
+            yield kind
+        yield from _kinds(kind)
+
+
+MATERIALS: dict[str, type[Material]] = {kind.model_fields["type"].default: kind for kind in _kinds(Material)}

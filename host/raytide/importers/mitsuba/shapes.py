@@ -20,7 +20,8 @@ from raytide.importers.mitsuba.reader import Reader
 from raytide.importers.mitsuba.transforms import is_mirror, step_of, translation
 
 OTHERS = ("bsplinecurve", "linearcurve", "sdfgrid", "merge", "ellipsoids", "ellipsoidsmesh")
-POLES = np.array([[0.0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # raytide's sphere has them on y, Mitsuba's on z
+# Raytide's sphere has its poles on y, Mitsuba's on z.
+POLES = np.array([[0.0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 Table = dict[str, Any]
 
