@@ -56,3 +56,12 @@ static float3 flat_sample(global const Shape *s, const float3 from, const float2
 
 // Area of the parallelogram between the half axes.
 static float flat_quarter(global const Shape *s) { return length3(cross3(xyz(s->u), xyz(s->v))); }
+
+#if HAS_TEXTURED
+// The square over -1..1 of both half axes.
+static float2 flat_uv(global const Shape *s, const float3 p)
+{
+    const float3 q = p - xyz(s->center);
+    return 0.5f * (float2)(dot3(xyz(s->inverse_u), q), dot3(xyz(s->inverse_v), q)) + (float2)(0.5f);
+}
+#endif

@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/portable.cl"
 #include "base/vector.cl"
+#include "base/textures.cl"
 // What can be hit: the tree, its leaf blocks, and the arrays behind primitive ids. Triangle i has id i, shape j has
 // id triangle_count + j. Infinite planes are the first plane_count shapes and are not in the tree.
 
@@ -40,6 +41,9 @@ typedef struct {
     uint triangle_count;
     uint shape_count;
     uint plane_count;
+#if HAS_TEXTURES
+    Textures textures;  // only of kernels that shade
+#endif
 #if HAS_COUNTERS
     Visits *visits;
 #endif
@@ -74,6 +78,27 @@ static Geometry geometry_of(GEOMETRY_ARGUMENTS)
 #endif
     return g;
 }
+
+#if HAS_TEXTURES
+static Geometry geometry_with_textures(const Geometry g, global const Texture *table, global const TextureSlot *slots,
+                                       global const uint *texels, global const float2 *uvs,
+                                       global const float4 *colors, const uint face_colors)
+{
+    Geometry out = g;
+    out.textures.table = table;
+    out.textures.slots = slots;
+    out.textures.texels = texels;
+    out.textures.uvs = uvs;
+    out.textures.colors = colors;
+    out.textures.face_colors = face_colors;
+    return out;
+}
+
+#define GEOMETRY_AND_TEXTURES                                                                                         \
+    geometry_with_textures(GEOMETRY_OF_ARGUMENTS, texture_table, texture_slots, texels, uvs, colors, face_colors)
+#else
+#define GEOMETRY_AND_TEXTURES GEOMETRY_OF_ARGUMENTS
+#endif
 
 // A point on a surface.
 typedef struct {

@@ -4,7 +4,7 @@
 // Elementary functions as polynomials (minimax fits of our own): the built-in ones are calls on some devices, differ
 // between drivers, and stop the vectoriser. Largest errors, measured against float64, in ulp of the result:
 //   sin_cos_turns (|t| <= 16) and sin_cos (|x| <= 1e4): 1.6 where the result exceeds 2^-12, else 1e-7 absolute
-//   log_of, normal x: 0.9;  acos_of: 1.3
+//   log_of, normal x: 0.9;  acos_of: 1.3;  atan2_turns: 3
 
 #define PI 3.14159265358979324f
 #define HALF_PI 1.57079632679489662f
@@ -87,4 +87,26 @@ static float acos_of(const float x)
     const float signed_arc = x < 0.0f ? -arc : arc;
     const float polar = 2.0f * arc;
     return near_pole ? (x < 0.0f ? PI - polar : polar) : HALF_PI - signed_arc;
+}
+
+// Angle of the point (x, y) to the x axis in turns, in [-1/2, 1/2]; 0 at the origin.
+static float atan2_turns(const float y, const float x)
+{
+    const float across = abs_of(x);
+    const float up = abs_of(y);
+    const int steep = up > across;
+    const float larger = steep ? up : across;
+    const float r = (steep ? across : up) / (larger > 0.0f ? larger : 1.0f);
+    const float z = r * r;
+    float p = fma_of(2.942391878e-3f, z, -1.645507116e-2f);
+    p = fma_of(p, z, 4.335320701e-2f);
+    p = fma_of(p, z, -7.564095425e-2f);
+    p = fma_of(p, z, 1.067154336e-1f);
+    p = fma_of(p, z, -1.421249128e-1f);
+    p = fma_of(p, z, 1.999397409e-1f);
+    p = fma_of(p, z, -3.333316604e-1f);
+    const float octant = fma_of(r * z, p, r) * 0.159154943f;
+    const float quarter = steep ? 0.25f - octant : octant;
+    const float half_turn = x < 0.0f ? 0.5f - quarter : quarter;
+    return y < 0.0f ? -half_turn : half_turn;
 }

@@ -5,10 +5,13 @@
 #include "base/light_sample.cl"
 #include "base/portable.cl"
 #include "base/vector.cl"
+#include "base/warp.cl"
 #include "dispatch/shape.cl"
+#include "accel/textured.cl"
 
 // One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too. Triangles:
 // direction.xyz = unit normal, extra.y = area.
+// Where textures are: bits of radiance.w = the slot of the radiance, or NONE.
 
 #if HAS_TRIANGLES
 static float3 emitter_corner(const Geometry g, const uint vertex)
@@ -39,6 +42,18 @@ static float3 emitter_point(global const Light *l, const Geometry g, const float
 #endif
 }
 
+#if HAS_TEXTURED
+// What the texture makes of the radiance at the point p that `u` sampled.
+static float3 emitter_texture(global const Light *l, const Geometry g, const float3 p, const float3 ng, const float2 u)
+{
+    const uint slot = bits_of(l->radiance.w);
+    if (slot == NONE) {
+        return (float3)(1.0f);
+    }
+    return slot_value(g, g.textures.slots + slot, texture_point(g, l->prim, square_to_triangle(u), p, ng));
+}
+#endif
+
 // The target is moved off the primitive by its error bound and by the rounding of t along the way to it, so that a
 // shadow ray up to t = 1 ends before the primitive.
 static LightSample emitter_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)
@@ -53,6 +68,9 @@ static LightSample emitter_sample(global const Light *l, const Geometry g, const
     const float lift = error + 4.0f * UNIT_ROUNDOFF * dot3(abs3(ng), abs3(to));
     out.to = to + ng * (front > 0.0f ? lift : -lift);
     out.radiance = xyz(l->radiance);
+#if HAS_TEXTURED
+    out.radiance = out.radiance * emitter_texture(l, g, p, ng, u);
+#endif
     out.pdf = shines ? pdf : 0.0f;
     out.delta = 0u;
     out.infinite = 0u;

@@ -113,3 +113,18 @@ static float box_pdf(global const Shape *s, const float3 from, const float3 p, c
     const float3 areas = box_areas(s);
     return density_by_area(from, p, ng, areas.x + areas.y + areas.z);
 }
+
+#if HAS_TEXTURED
+// Each face has the unit square. Seen from outside nothing is mirrored; v runs along local y on the four sides, and
+// along -z on top.
+static float2 box_uv(global const Shape *s, const float3 p, const float3 ng)
+{
+    const float3 q = box_local(s, p - xyz(s->center));
+    const float3 size = abs3(q);
+    const uint axis = size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
+    const float sign = (axis == 0u ? q.x : (axis == 1u ? q.y : q.z)) < 0.0f ? -1.0f : 1.0f;
+    const float2 side = axis == 0u ? (float2)(-sign * q.z, q.y) : (float2)(sign * q.x, q.y);
+    const float2 place = axis == 1u ? (float2)(q.x, -sign * q.z) : side;
+    return 0.5f * place + (float2)(0.5f);
+}
+#endif

@@ -25,3 +25,7 @@ static float disk_pdf(global const Shape *s, const float3 from, const float3 p, 
 {
     return density_by_area(from, p, ng, 3.14159265f * flat_quarter(s));
 }
+
+#if HAS_TEXTURED
+static float2 disk_uv(global const Shape *s, const float3 p, const float3 ng) { return flat_uv(s, p); }
+#endif

@@ -31,3 +31,12 @@ static void plane_surface(global const Shape *s, const float3 o, const float3 d,
     const float3 size = abs3(out->p);
     out->error = UNIT_ROUNDOFF * (3.0f * dot3(abs3(n), size + abs3(xyz(s->center))) + 0.25f * largest3(size));
 }
+
+#if HAS_TEXTURED
+// Metres along both tangents.
+static float2 plane_uv(global const Shape *s, const float3 p, const float3 ng)
+{
+    const float3 q = p - xyz(s->center);
+    return (float2)(dot3(xyz(s->inverse_u), q), dot3(xyz(s->inverse_v), q));
+}
+#endif

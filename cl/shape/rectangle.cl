@@ -24,3 +24,7 @@ static float rectangle_pdf(global const Shape *s, const float3 from, const float
 {
     return density_by_area(from, p, ng, 4.0f * flat_quarter(s));
 }
+
+#if HAS_TEXTURED
+static float2 rectangle_uv(global const Shape *s, const float3 p, const float3 ng) { return flat_uv(s, p); }
+#endif

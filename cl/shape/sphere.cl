@@ -129,3 +129,13 @@ static float sphere_pdf(global const Shape *s, const float3 from, const float3 p
     return sin2_max > 0.0f ? ONE_OVER_TWO_PI / versine(sin2_max)
                            : density_by_area(from, p, ng, sphere_area(s->center.w));
 }
+
+#if HAS_TEXTURED
+// Longitude in turns, 1/2 where the local z axis comes out, and latitude from -y to +y.
+static float2 sphere_uv(global const Shape *s, const float3 p, const float3 ng)
+{
+    const float3 q = (float3)(dot3(xyz(s->inverse_u), ng), dot3(xyz(s->inverse_v), ng), dot3(xyz(s->inverse_w), ng));
+    const float across = sqrt_of(q.x * q.x + q.z * q.z);
+    return (float2)(0.5f + atan2_turns(q.x, q.z), 0.5f + 2.0f * atan2_turns(q.y, across));
+}
+#endif

@@ -3,13 +3,14 @@
 #include "base/vector.cl"
 #include "base/camera.cl"
 #include "accel/traverse.cl"
+#include "accel/textured.cl"
 #include "dispatch/material.cl"
 #include "wave/path.cl"
 
 // What lies under each pixel's centre: albedo and depth, normal, position and object. One ray a pixel, free of noise.
 // Race rule: every item owns its pixel. On a miss the object is NONE and the depth infinite.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
-kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials,
+kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
                 global const Camera *camera, global const Settings *settings, const uint first_pixel,
                 const uint pixels, global float4 *albedo_depth, global float4 *normal, global float4 *position_object)
 {
@@ -17,7 +18,7 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
     if (i >= pixels) {
         return;
     }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const Geometry g = GEOMETRY_AND_TEXTURES;
     const uint pixel = first_pixel + i;
     const float2 center = (float2)((float)(pixel % settings->width) + 0.5f, (float)(pixel / settings->width) + 0.5f);
     Ray ray = camera_ray(camera, center, (float2)(0.5f));
@@ -32,7 +33,13 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
     const Surface s = surface_of(g, ray, hit);
     const float3 wo = -normalize3(xyz(ray.direction));
     const float3 n = dot3(wo, s.ng) < 0.0f ? -s.n : s.n;
-    const float3 albedo = material_albedo(materials + objects[s.object].material);
+    global const Material *material = materials + objects[s.object].material;
+#if HAS_TEXTURED
+    const Material here = textured_material(g, material, &s);
+    const float3 albedo = material_albedo(&here);
+#else
+    const float3 albedo = material_albedo(material);
+#endif
     albedo_depth[i] = make4(albedo, hit.t);
     normal[i] = make4(n, 0.0f);
     position_object[i] = make4(s.p, float_of(s.object));

@@ -7,6 +7,7 @@
 #include "accel/geometry.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
+#include "accel/textured.cl"
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
@@ -16,7 +17,7 @@
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
 // Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
-kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials,
+kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
                   global const Light *lights, global const Settings *settings, global const uint *queue,
                   const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,
                   global uint4 *paths, global uint *status, global Ray *shadow_rays, global float4 *shadow_light,
@@ -26,7 +27,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     if (i >= count) {
         return;
     }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const Geometry g = GEOMETRY_AND_TEXTURES;
     const uint slot = queue[i];
     const uint later = queue[i + LOOK_AHEAD < count ? i + LOOK_AHEAD : i];
     PREFETCH(rays + later);
@@ -43,14 +44,14 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         return;
     }
     if (hit.prim == NONE) {
-#if HAS_ENVIRONMENT
+#if HAS_SKY
         const float3 sky = environment_seen(lights, settings, g, ray, path.y, state);
         samples[path.x] += make4(sky, 0.0f);
 #endif
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
-    const int glows = vertex.material->kind == MATERIAL_EMISSIVE;
+    const int glows = material_of(&vertex)->kind == MATERIAL_EMISSIVE;
     if (glows || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
         samples[path.x] += make4(emission_seen(lights, g, objects, vertex, ray, hit, path.y, state), 1.0f);
     }

@@ -7,6 +7,7 @@
 #include "accel/geometry.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
+#include "accel/textured.cl"
 #if HAS_TANGENTS
 #include "accel/tangent.cl"
 #endif
@@ -20,8 +21,21 @@ typedef struct {
     float3 wo;      // towards the viewer, in the shading frame
     float3 normal;  // geometric, on the viewer's side
     float cos_o;    // of the viewer's direction to the geometric front side
+#if HAS_TEXTURED
+    Material material;  // its parameters at this point
+#else
     global const Material *material;
+#endif
 } PathVertex;
+
+static MATERIAL_SPACE const Material *material_of(const PathVertex *v)
+{
+#if HAS_TEXTURED
+    return &v->material;
+#else
+    return v->material;
+#endif
+}
 
 typedef struct {
     Ray ray;
@@ -41,14 +55,19 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
 {
     PathVertex v;
     v.surface = surface_of(g, ray, hit);
-    v.material = materials + objects[v.surface.object].material;
+    global const Material *material = materials + objects[v.surface.object].material;
+#if HAS_TEXTURED
+    v.material = textured_material(g, material, &v.surface);
+#else
+    v.material = material;
+#endif
     const float3 wo = -renormalize3(xyz(ray.direction));
     v.cos_o = dot3(wo, v.surface.ng);
     const int back = v.cos_o < 0.0f;
     v.normal = back ? -v.surface.ng : v.surface.ng;
     float3 n = v.surface.n;
 #if HAS_TRANSMISSION
-    const int turn = back && !(v.material->flags & MATERIAL_TRANSMITS);
+    const int turn = back && !(material->flags & MATERIAL_TRANSMITS);
 #else
     const int turn = back;
 #endif
@@ -75,7 +94,7 @@ static float chance_weight(const uint path_edges, const float pdf, const float l
 #endif
 }
 
-#if HAS_ENVIRONMENT
+#if HAS_SKY
 static float3 environment_seen(global const Light *lights, global const Settings *settings, const Geometry g,
                                const Ray ray, const uint path_edges, const float4 state)
 {
@@ -93,7 +112,7 @@ static float3 environment_seen(global const Light *lights, global const Settings
     none.object = NONE;
     none.prim = NONE;
     const float pdf = sky->position.w * light_pdf(sky, g, xyz(ray.origin), none, wi);
-    return xyz(state) * xyz(sky->radiance) * chance_weight(path_edges, state.w, pdf);
+    return xyz(state) * light_seen(sky, g, wi) * chance_weight(path_edges, state.w, pdf);
 }
 #endif
 
@@ -102,10 +121,10 @@ static float3 emission_seen(global const Light *lights, const Geometry g, global
                             const float4 state)
 {
 #if HAS_EMISSIVE
-    if (v.material->kind != MATERIAL_EMISSIVE) {
+    if (material_of(&v)->kind != MATERIAL_EMISSIVE) {
         return (float3)(0.0f);
     }
-    const float3 emitted = material_emit(v.material, v.cos_o);
+    const float3 emitted = material_emit(material_of(&v), v.cos_o);
     global const Object *object = objects + v.surface.object;
     const uint index = object->light + (hit.prim - object->first);
     const float3 wi = renormalize3(xyz(ray.direction));
@@ -136,7 +155,7 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
         return out;
     }
-    const BsdfValue bsdf = material_value(v->material, v->wo, wi_local);
+    const BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
 #if HAS_LOCAL
     const float weight = 1.0f;
 #else
@@ -157,7 +176,7 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
 {
     NextRay out;
     out.valid = 0;
-    const BsdfSample bsdf = material_sample(v->material, v->wo, u);
+    const BsdfSample bsdf = material_sample(material_of(v), v->wo, u);
     if (!(bsdf.pdf > 0.0f)) {
         return out;
     }

@@ -57,3 +57,19 @@ class ImageInvalid(RaytideError):
     """A picture that must not be trusted, for example one with too many non-finite samples."""
 
     exit_code = 4
+
+
+def nearest(word: str, candidates: Sequence[str]) -> str | None:
+    """`did you mean 'x'?` for the candidate most like `word`, or None."""
+    from difflib import get_close_matches
+
+    found = get_close_matches(word, list(candidates), n=1, cutoff=0.6)
+    return f"did you mean {found[0]!r}?" if found else None
+
+
+def list_words(names: Sequence[str], limit: int = 12) -> str:
+    """`one of a, b, c`, shortened."""
+    if not names:
+        return "none (there is none)"
+    shown = ", ".join(name if name.isprintable() else ascii(name) for name in names[:limit])
+    return f"one of {shown}" + (f", ... ({len(names)} in all)" if len(names) > limit else "")

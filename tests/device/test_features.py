@@ -15,6 +15,7 @@ ALL_ON = Features(
     materials=tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS)),
     shapes=kinds("shape"),
     lights=kinds("light"),
+    textures=kinds("texture"),
     **{field.name: True for field in fields(Features) if field.type == "bool"},
 )
 
@@ -24,6 +25,7 @@ def each_alone() -> dict[str, Features]:
     alone |= {kind: replace(NONE_ON, materials=((kind, MATERIALS[kind].PARAMETERS),)) for kind in MATERIALS}
     alone |= {kind: replace(NONE_ON, shapes=(kind,)) for kind in kinds("shape")}
     alone |= {kind: replace(NONE_ON, lights=(kind,)) for kind in kinds("light")}
+    alone |= {kind: replace(NONE_ON, textures=(kind,)) for kind in kinds("texture")}
     return alone
 
 

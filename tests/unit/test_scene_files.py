@@ -44,7 +44,7 @@ def test_unreadable_files_are_refused_in_words(tmp_path: Path) -> None:
     assert "a folder" in refusal(tmp_path / "folder.toml")
     assert "a pipe" in refusal(tmp_path / "pipe.toml")
     assert "latin.toml:2" in refusal(tmp_path / "latin.toml")
-    assert ".toml or .json" in refusal(tmp_path / "scene.txt")
+    assert ".toml, .json or .xml" in refusal(tmp_path / "scene.txt")
     assert "cannot be read" in refusal(str(tmp_path / "a\0b.toml"))
     assert "cannot be read" in refusal(str(tmp_path / ("a" * 5000 + ".toml")))
 

@@ -102,7 +102,8 @@ def test_schema_is_whole_and_knows_ranges() -> None:
     for kind in MATERIALS.values():
         assert f"#/$defs/{kind.__name__}" in refs(schema["properties"]["materials"])
     assert schema["$defs"]["Diffuse"]["additionalProperties"] is False
-    assert schema["$defs"]["Glossy"]["properties"]["roughness"]["maximum"] == 1
+    number, texture = schema["$defs"]["Glossy"]["properties"]["roughness"]["anyOf"]
+    assert number["maximum"] == 1 and texture == {"type": "string"}
     assert schema["$defs"]["Sphere"]["required"] == ["type", "material"]
     assert "type" not in schema["$defs"]["Mesh"]["required"]
 

@@ -15,6 +15,10 @@ from raytide.errors import UsageError
 from raytide.scene.describe import Option, option_of
 from raytide.scene.settings import RenderSettings
 
+Defines = Annotated[
+    list[str] | None,
+    Parameter(name=["--define", "-D"], negative="", help="name=value of a Mitsuba scene's parameter; may be repeated"),
+]
 SUFFIXES = (".exr", ".png")
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30}
 
@@ -54,6 +58,17 @@ def bytes_of(text: str) -> int | None:
     """`512M` in bytes (K, M and G are powers of 1024), or None if it is no such thing."""
     found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)\s*([KMG]?)(?:i?B)?", text.strip(), re.IGNORECASE)
     return int(float(found[1]) * UNITS[found[2].upper()]) if found else None
+
+
+def defines_of(words: Sequence[str] | None) -> dict[str, str]:
+    """`-D name=value` as a dictionary, the last one wins. Raises UsageError."""
+    found: dict[str, str] = {}
+    for word in words or ():
+        name, equals, value = word.partition("=")
+        if not equals or not re.fullmatch(r"[A-Za-z0-9_]+", name):
+            raise UsageError(f"-D {word}: came no name=value; wanted, for example, -D spp=64")
+        found[name] = value
+    return found
 
 
 def check_outputs(outputs: Sequence[Path], others: Sequence[Path | None], no_clobber: bool) -> None:

@@ -17,7 +17,7 @@ from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
 from raytide.cli.config import HOST, Settings, environment, gather
-from raytide.cli.options import check_outputs, with_render_keys
+from raytide.cli.options import Defines, check_outputs, defines_of, with_render_keys
 from raytide.cli.progress import Progress, progress_for, set_up_logging
 from raytide.cli.progress_text import percent
 from raytide.cli.signals import SIGNALS, Interrupted, StopOnSignal
@@ -40,6 +40,7 @@ class Job:
     report: Path | None
     trace: Path | None
     overrides: list[str]
+    defines: dict[str, str]
     allow_outside: bool
     coherence: bool
     everything: bool
@@ -58,7 +59,7 @@ class Job:
 
 @with_render_keys
 def render(
-    scene: Annotated[Path, Parameter(help="scene file, .toml or .json")],
+    scene: Annotated[Path, Parameter(help="scene file: .toml, .json, or Mitsuba 3 .xml")],
     /,
     *,
     output: Annotated[
@@ -72,6 +73,7 @@ def render(
         list[str] | None,
         Parameter(name="--set", negative="", help="key.path=value put over the scene; may be repeated"),
     ] = None,
+    define: Defines = None,
     report: Annotated[Path | None, Parameter(help="write times, rates, memory and what was left out, as JSON")] = None,
     trace: Annotated[Path | None, Parameter(help="write time, samples, rays and error after each pass, as CSV")] = None,
     coherence: Annotated[
@@ -103,8 +105,8 @@ def render(
     for warning in settings.warnings:
         logger.warning(warning)
     job = Job(
-        scene, outputs, report, trace, changes or [], allow_outside, coherence, everything, traversal, half, exposure,
-        no_clobber, quiet, log_json,
+        scene, outputs, report, trace, changes or [], defines_of(define), allow_outside, coherence, everything,
+        traversal, half, exposure, no_clobber, quiet, log_json,
     )  # fmt: skip
     job.times["start"] = process_age()
     with StopOnSignal() as signals:
@@ -133,7 +135,9 @@ def load_scene(job: Job, settings: Settings) -> Scene:
 
     job.timed("import", begun)
     begun = time.perf_counter()
-    scene = load(job.scene, allow_outside=job.allow_outside, layers=settings.layers, overrides=job.overrides)
+    scene = load(
+        job.scene, allow_outside=job.allow_outside, layers=settings.layers, overrides=job.overrides, defines=job.defines
+    )
     free_samples(scene)
     job.timed("load", begun)
     return scene

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from raytide.cli.options import Defines, defines_of
+
 if TYPE_CHECKING:
     from raytide.scene.describe import Option
     from raytide.scene.scene import Scene
@@ -20,7 +22,9 @@ Switch = Annotated[bool, Parameter(negative="")]
 
 
 @app.command
-def check(file: str, /, *, set: Settings = None, allow_outside: Switch = False, json: Switch = False) -> int:
+def check(
+    file: str, /, *, set: Settings = None, define: Defines = None, allow_outside: Switch = False, json: Switch = False
+) -> int:
     """Read a scene and everything that it names; print what it holds.
 
     Exit 2 with every problem at once if it cannot be rendered; warnings go to stderr.
@@ -28,9 +32,11 @@ def check(file: str, /, *, set: Settings = None, allow_outside: Switch = False, 
     Parameters
     ----------
     file
-        The scene, .toml or .json.
+        The scene: .toml, .json, or a Mitsuba 3 .xml.
     set
         key=value put over the scene's, for example materials.gold.roughness=0.1; may be repeated.
+    define
+        name=value of a parameter of a Mitsuba scene (.xml); may be repeated.
     allow_outside
         Let the scene name files outside its folder.
     json
@@ -38,7 +44,7 @@ def check(file: str, /, *, set: Settings = None, allow_outside: Switch = False, 
     """
     from raytide.scene.load import load
 
-    scene = load(file, overrides=set or (), allow_outside=allow_outside)
+    scene = load(file, overrides=set or (), defines=defines_of(define), allow_outside=allow_outside)
     facts = _facts(scene)
     for warning in facts["warnings"]:
         print(f"raytide: {file}: warning: {warning}", file=sys.stderr)
@@ -74,8 +80,10 @@ def schema() -> int:
 
 
 @app.command
-def convert(source: str, target: str, /, *, set: Settings = None, allow_outside: Switch = False) -> int:
-    """Write a scene in another format, TOML or JSON by suffix; the same scene comes back from both.
+def convert(
+    source: str, target: str, /, *, set: Settings = None, define: Defines = None, allow_outside: Switch = False
+) -> int:
+    """Write a scene (.toml, .json, or Mitsuba 3 .xml) as TOML or JSON by suffix; the same scene comes back from both.
 
     Parameters
     ----------
@@ -85,12 +93,14 @@ def convert(source: str, target: str, /, *, set: Settings = None, allow_outside:
         The file to write, .toml or .json; mesh paths become relative to it.
     set
         key=value put over the scene's; may be repeated.
+    define
+        name=value of a parameter of a Mitsuba scene (.xml); may be repeated.
     allow_outside
         Let the scene name files outside its folder.
     """
     from raytide.scene.load import load
 
-    scene = load(source, overrides=set or (), allow_outside=allow_outside)
+    scene = load(source, overrides=set or (), defines=defines_of(define), allow_outside=allow_outside)
     print(scene.save(Path(target)))
     return 0
 

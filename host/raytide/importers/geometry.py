@@ -1,4 +1,4 @@
-"""Geometry files to MeshData: OBJ, PLY, STL, glTF and GLB, told apart by suffix."""
+"""Geometry files to MeshData: OBJ, PLY, STL, glTF, GLB and Mitsuba's .serialized, told apart by suffix."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from raytide.importers.meshdata import MeshData, refuse
 
 __all__ = ["SUFFIXES", "MeshData", "load_mesh"]
 
-SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb")
+SUFFIXES = (".obj", ".ply", ".stl", ".gltf", ".glb", ".serialized")
 
 
-def load_mesh(path: str | os.PathLike[str]) -> MeshData:
+def load_mesh(path: str | os.PathLike[str], part: int = 0) -> MeshData:
     """All triangles of a geometry file as one mesh in the file's units, the nodes of a glTF moved by their transforms.
+
+    `part` picks one mesh of a .serialized file; the others are taken whole.
 
     Non-finite vertices and zero-area triangles are dropped and told in `warnings`. Raises SceneError that names the
     file for anything else: unreadable, too large, corrupt, index out of range, not supported.
@@ -30,12 +32,14 @@ def load_mesh(path: str | os.PathLike[str]) -> MeshData:
     if not data and suffix != ".obj":
         raise refuse("an empty file", f"a {suffix} file", file)
     try:
-        return _read(suffix, data, file)
+        if part and suffix != ".serialized":
+            raise refuse(f"part {part} of a {suffix} file", "part 0: only .serialized files have several", file)
+        return _read(suffix, data, file, part)
     except SceneError as error:
         raise SceneError([replace(found, file=found.file or str(file)) for found in error.problems]) from None
 
 
-def _read(suffix: str, data: bytes, file: Path) -> MeshData:
+def _read(suffix: str, data: bytes, file: Path, part: int) -> MeshData:
     if suffix == ".obj":
         from raytide.importers.obj import read_obj
 
@@ -48,6 +52,10 @@ def _read(suffix: str, data: bytes, file: Path) -> MeshData:
         from raytide.importers.stl import read_stl
 
         return read_stl(data, file)
+    if suffix == ".serialized":
+        from raytide.importers.serialized import read_serialized
+
+        return read_serialized(data, file, part)
     from raytide.importers.gltf import read_gltf
 
     return read_gltf(data, file, suffix == ".glb")

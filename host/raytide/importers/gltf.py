@@ -21,11 +21,12 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 @dataclass(frozen=True)
 class _Part:
-    """One primitive: points (V, 3), triangles (T, 3), normals (V, 3) or None."""
+    """One primitive: points (V, 3), triangles (T, 3), normals (V, 3) and texture coordinates (V, 2) or None."""
 
     points: np.ndarray
     triangles: np.ndarray
     normals: np.ndarray | None
+    uv: np.ndarray | None = None
 
 
 def read_gltf(data: bytes, path: Path, binary: bool) -> MeshData:
@@ -146,7 +147,13 @@ def _part(file: GltfFile, where: str, primitive: dict[str, Any], attributes: dic
         normals = file.accessor(attributes["NORMAL"], ("VEC3",), "fi").astype(np.float64)
         if len(normals) != len(points):
             raise file.fail(f"{where} with {len(normals)} normals", f"{len(points)}, one a vertex")
-    return _Part(points, _corners(file, where, order, mode), normals)
+    uv = None
+    if "TEXCOORD_0" in attributes:
+        uv = file.accessor(attributes["TEXCOORD_0"], ("VEC2",), "fu").astype(np.float64)
+        if len(uv) != len(points):
+            raise file.fail(f"{where} with {len(uv)} texture coordinates", f"{len(points)}, one a vertex")
+        uv = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)  # glTF's v runs down the picture
+    return _Part(points, _corners(file, where, order, mode), normals, uv)
 
 
 def _corners(file: GltfFile, where: str, order: np.ndarray, mode: int) -> np.ndarray:
@@ -183,8 +190,15 @@ def _joined(placed: list[tuple[_Part, np.ndarray]], notes: list[str]) -> MeshDat
         np.concatenate(vertices),
         np.concatenate(triangles),
         np.concatenate(normals) if smooth else None,
+        _joined_uv([part for part, _ in placed]),
         warnings=tuple(notes),
     )
+
+
+def _joined_uv(parts: list[_Part]) -> np.ndarray | None:
+    """Texture coordinates of all parts; None unless every part has them."""
+    found = [part.uv for part in parts if part.uv is not None]
+    return np.concatenate(found) if len(found) == len(parts) else None
 
 
 def _moved_normals(part: _Part, linear: np.ndarray) -> np.ndarray:

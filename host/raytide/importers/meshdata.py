@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,8 @@ class MeshData:
     """A triangle mesh in its own space; the front is where corners run counter-clockwise.
 
     vertices (V, 3) float64, finite; triangles (T, 3) uint32, in range, none of zero area; normals (V, 3) float64, unit
-    or zero where the file gives none, or None; uv (V, 2) float64 or None; warnings: what was dropped or ignored.
+    or zero where the file gives none, or None; uv (V, 2) float64, (0, 0) at the lower left of a picture, or None;
+    colors (V, 3) and face_colors (T, 3) float64, linear, or None; warnings: what was dropped or ignored.
     """
 
     vertices: np.ndarray
@@ -27,11 +28,21 @@ class MeshData:
     normals: np.ndarray | None = None
     uv: np.ndarray | None = None
     warnings: tuple[str, ...] = field(default=())
+    colors: np.ndarray | None = None
+    face_colors: np.ndarray | None = None
 
     @classmethod
-    def inline(cls, vertices: Any, triangles: Any) -> MeshData:
-        """A mesh given as arrays, (V, 3) and (T, 3). Raises SceneError for an index out of range."""
-        return clean(np.asarray(vertices, np.float64), np.asarray(triangles, np.int64))
+    def inline(cls, vertices: Any, triangles: Any, uv: Any = None) -> MeshData:
+        """A mesh given as arrays, (V, 3), (T, 3) and (V, 2). Raises SceneError for an index out of range."""
+        return clean(np.asarray(vertices, np.float64), np.asarray(triangles, np.int64), uv=uv)
+
+
+    def turned(self, *, flip: bool = False, flip_v: bool = False) -> MeshData:
+        """The mesh with front and back exchanged, or with texture coordinates (u, 1 - v)."""
+        triangles = self.triangles[:, [0, 2, 1]] if flip else self.triangles
+        normals = -self.normals if flip and self.normals is not None else self.normals
+        uv = self.uv * (1.0, -1.0) + (0.0, 1.0) if flip_v and self.uv is not None else self.uv
+        return replace(self, triangles=triangles, normals=normals, uv=uv)
 
 
 def refuse(came: str, wanted: str, path: Path | None = None, hint: str | None = None) -> SceneError:
@@ -46,6 +57,8 @@ def clean(
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
     warnings: tuple[str, ...] = (),
+    colors: np.ndarray | None = None,
+    face_colors: np.ndarray | None = None,
 ) -> MeshData:
     """Check indices; drop, count and report what has no place in a tree.
 
@@ -58,6 +71,7 @@ def clean(
     _check_indices(triangles, len(vertices))
     notes = list(warnings)
     given = len(triangles)
+    kept_faces = np.arange(given)
     sound = (np.abs(vertices) <= LARGEST).all(axis=1)  # false for NaN
     if not sound.all():
         kept = sound[triangles].all(axis=1) if given else np.zeros(0, bool)
@@ -65,7 +79,7 @@ def clean(
             f"dropped {np.count_nonzero(~sound)} vertices that are not finite or beyond {LARGEST:g}, "
             f"and {np.count_nonzero(~kept)} triangles that use them"
         )
-        triangles = triangles[kept]
+        triangles, kept_faces = triangles[kept], kept_faces[kept]
         vertices = np.where(sound[:, None], vertices, 0.0)
     longest = longest_edges(vertices, triangles)
     if (longest < SMALLEST).any():
@@ -73,13 +87,26 @@ def clean(
     flat = has_no_area(vertices, triangles)
     if flat.any():
         notes.append(f"dropped {np.count_nonzero(flat)} triangles of zero area")
-        triangles = triangles[~flat]
+        triangles, kept_faces = triangles[~flat], kept_faces[~flat]
     if given and not len(triangles):
         raise refuse(f"no usable triangle ({'; '.join(notes)})", "at least one triangle of finite, non-zero area")
     if not given:
         notes.append("the mesh has no triangles")
     normals, notes = _clean_normals(normals, notes)
-    return MeshData(vertices, triangles.astype(np.uint32), normals, uv, tuple(notes))
+    uv, colors = (_finite(table, what, notes) for table, what in ((uv, "texture coordinates"), (colors, "colours")))
+    faces = _finite(None if face_colors is None else face_colors[kept_faces], "colours of faces", notes)
+    return MeshData(vertices, triangles.astype(np.uint32), normals, uv, tuple(notes), colors, faces)
+
+
+def _finite(table: np.ndarray | None, what: str, notes: list[str]) -> np.ndarray | None:
+    """float64 with rows that are not finite or beyond LARGEST set to zero, and told."""
+    if table is None:
+        return None
+    table = np.asarray(table, np.float64)
+    sound = (np.abs(table) <= LARGEST).all(axis=1)
+    if not sound.all():
+        notes.append(f"{np.count_nonzero(~sound)} {what} are not finite and became 0")
+    return np.where(sound[:, None], table, 0.0)
 
 
 def _check_indices(triangles: np.ndarray, count: int) -> None:

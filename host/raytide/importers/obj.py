@@ -1,4 +1,4 @@
-"""Wavefront OBJ: positions, normals, texture coordinates, polygons (cut as fans). Materials are not read.
+"""Wavefront OBJ: positions (with colours), normals, texture coordinates, polygons (cut as fans). No materials.
 
 Our own reader: trimesh 5.2 takes a legal file with CR LF line ends and continuation lines for an empty mesh, and wraps
 an index of 0 round to the last vertex.
@@ -23,6 +23,7 @@ class _Reader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.rows: dict[str, list[tuple[float, ...]]] = {"v": [], "vt": [], "vn": []}
+        self.colors: dict[int, tuple[float, ...]] = {}  # by vertex
         self.corners: list[tuple[int, int, int]] = []  # of fans: three a triangle; -1 where there is none
         self.skipped = 0
         self.libraries = 0
@@ -35,6 +36,8 @@ class _Reader:
         word = words[0]
         if word in self.rows:
             self.rows[word].append(self._numbers(number, word, words[1:]))
+            if word == "v" and len(words) == 7:  # v x y z r g b
+                self.colors[len(self.rows["v"]) - 1] = self._numbers(number, word, words[4:])
         elif word == "f":
             self._face(number, words[1:])
         elif word == _MATERIAL_FILES:
@@ -117,8 +120,9 @@ def _assemble(reader: _Reader) -> MeshData:
     if reader.unknown:
         notes.append(f"skipped lines that begin with {ascii(sorted(reader.unknown)[:5])}")
     positions = tables["v"].reshape(-1, 3)
+    colors = np.array([reader.colors.get(i, (1.0, 1.0, 1.0)) for i in range(len(positions))]) if reader.colors else None
     if not len(corners) or corners[:, 1:].max() < 0:
-        return clean(positions, corners[:, 0].reshape(-1, 3), warnings=tuple(notes))
+        return clean(positions, corners[:, 0].reshape(-1, 3), warnings=tuple(notes), colors=colors)
     unique, inverse = np.unique(corners, axis=0, return_inverse=True)
     return clean(
         positions[unique[:, 0]],
@@ -126,6 +130,7 @@ def _assemble(reader: _Reader) -> MeshData:
         _picked(tables["vn"], unique[:, 2], 3),
         _picked(tables["vt"], unique[:, 1], 2),
         tuple(notes),
+        None if colors is None else colors[unique[:, 0]],
     )
 
 

@@ -4,6 +4,7 @@ taken by numpy at once, everything else by trimesh."""
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from raytide.importers.limits import MOST_HEADER
 from raytide.importers.meshdata import MeshData, clean, refuse
+from raytide.importers.srgb import linear_of
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -25,6 +27,8 @@ _TYPES = {
 }
 _ENDIAN = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _CORNERS = ("vertex_indices", "vertex_index")
+_UV = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"))
+_COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("color_0", "color_1", "color_2"))
 
 
 @dataclass
@@ -33,6 +37,7 @@ class _Element:
     count: int
     scalars: list[tuple[str, str]] = field(default_factory=list)
     lists: list[tuple[str, str, str]] = field(default_factory=list)  # name, type of count, type of item
+    before: int = 0  # scalars ahead of the first list
 
     def least_bytes(self, ascii_body: bool) -> int:
         """Fewest bytes that one row can take."""
@@ -59,7 +64,7 @@ def read_ply(data: bytes, path: Path) -> MeshData:
         fast = _usual_layout(data, start, endian, vertex, elements[1])
         if fast is not None:
             return fast
-    return _by_trimesh(data, path, face.count if face else 0)
+    return _by_trimesh(data, path, vertex, face)
 
 
 def _header(data: bytes, path: Path) -> tuple[str, list[_Element], int]:
@@ -82,6 +87,8 @@ def _header(data: bytes, path: Path) -> tuple[str, list[_Element], int]:
             elif words[0] == "element":
                 elements.append(_Element(words[1], int(words[2])))
             elif words[0] == "property" and words[1] == "list":
+                if not elements[-1].lists:
+                    elements[-1].before = len(elements[-1].scalars)
                 elements[-1].lists.append((words[4], _TYPES[words[2]], _TYPES[words[3]]))
             elif words[0] == "property":
                 elements[-1].scalars.append((words[2], _TYPES[words[1]]))
@@ -107,24 +114,27 @@ def _check_counts(elements: list[_Element], body: int, ascii_body: bool, path: P
 
 
 def _usual_layout(data: bytes, start: int, endian: str, vertex: _Element, face: _Element) -> MeshData | None:
-    """Binary vertices without lists and faces of nothing but 3 corners, else None."""
-    if vertex.lists or len(face.lists) != 1 or face.scalars or face.lists[0][2][0] == "f":
+    """Binary vertices without lists and faces of 3 corners and no other list, else None."""
+    if vertex.lists or len(face.lists) != 1 or face.lists[0][2][0] == "f" or not _distinct(face):
         return None
     rows = np.dtype([(name, endian + kind) for name, kind in vertex.scalars]) if _distinct(vertex) else None
-    triple = np.dtype([("count", endian + face.lists[0][1]), ("corners", endian + face.lists[0][2], 3)])
+    own: list[tuple[Any, ...]] = [(f"face {name}", endian + kind) for name, kind in face.scalars]
+    own[face.before : face.before] = [("count", endian + face.lists[0][1]), ("corners", endian + face.lists[0][2], 3)]
+    triple = np.dtype(own)
     if rows is None or len(data) - start < vertex.count * rows.itemsize + face.count * triple.itemsize:
         return None
     faces = np.frombuffer(data, triple, face.count, start + vertex.count * rows.itemsize)
     if not (faces["count"] == 3).all():
         return None
     points = np.frombuffer(data, rows, vertex.count, start)
-    names = points.dtype.names or ()
-    uv = next((pair for pair in (("u", "v"), ("s", "t"), ("texture_u", "texture_v")) if set(pair) <= set(names)), None)
+    of_vertex = {name: points[name] for name, _ in vertex.scalars}
     return clean(
-        _columns(points, ("x", "y", "z")),
+        np.stack([of_vertex[name].astype(np.float64) for name in "xyz"], axis=1),
         faces["corners"].astype(np.int64),
-        _columns(points, ("nx", "ny", "nz")) if {"nx", "ny", "nz"} <= set(names) else None,
-        _columns(points, uv) if uv else None,
+        _columns(of_vertex, (("nx", "ny", "nz"),)),
+        _columns(of_vertex, _UV),
+        colors=_colors(of_vertex),
+        face_colors=_colors({name: faces[f"face {name}"] for name, _ in face.scalars}),
     )
 
 
@@ -133,11 +143,23 @@ def _distinct(element: _Element) -> bool:
     return len(set(names)) == len(names)
 
 
-def _columns(rows: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    return np.stack([rows[name].astype(np.float64) for name in names], axis=1)
+def _columns(table: Mapping[str, np.ndarray], choices: Sequence[tuple[str, ...]]) -> np.ndarray | None:
+    """(n, width) float64 of the first choice whose columns are all there, else None."""
+    names = next((names for names in choices if set(names) <= set(table)), None)
+    return None if names is None else np.stack([np.asarray(table[name], np.float64) for name in names], axis=1)
 
 
-def _by_trimesh(data: bytes, path: Path, face_count: int) -> MeshData:
+def _colors(table: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """(n, 3) float64, linear: whole numbers are sRGB over the range of their type, others are taken as they are."""
+    names = next((names for names in _COLORS if set(names) <= set(table)), None)
+    if names is None:
+        return None
+    columns = [np.asarray(table[name]) for name in names]
+    whole = all(column.dtype.kind in "iu" for column in columns)
+    return np.stack([linear_of(c / np.iinfo(c.dtype).max) if whole else c.astype(float) for c in columns], axis=1)
+
+
+def _by_trimesh(data: bytes, path: Path, vertex: _Element, face: _Element | None) -> MeshData:
     from trimesh.exchange.ply import load_ply
 
     try:
@@ -145,13 +167,20 @@ def _by_trimesh(data: bytes, path: Path, face_count: int) -> MeshData:
         vertices = np.asarray(found.get("vertices", np.zeros((0, 3))), np.float64).reshape(-1, 3)
         faces = found.get("faces")
         triangles = _fans(np.zeros((0, 3), np.int64) if faces is None else np.asarray(faces, np.int64))
+        raw = found["metadata"]["_ply_raw"]
+        of_vertex = {name: np.asarray(raw["vertex"]["data"][name]) for name, _ in vertex.scalars if len(vertices)}
+        whole = face is not None and len(triangles) == face.count > 0  # each face has one triangle
+        scalars = face.scalars if face is not None and whole else []
+        of_face = {name: np.asarray(raw["face"]["data"][name]) for name, _ in scalars}
     except Exception as error:  # a third-party parser on a broken file may raise anything
         came = f"a PLY body that cannot be read ({type(error).__name__}: {str(error)[:80]})"
         raise refuse(came, "a whole PLY file", path) from None
     notes: tuple[str, ...] = ()
+    face_count = face.count if face else 0
     if len(triangles) < face_count:
         notes = (f"skipped {face_count - len(triangles)} faces with fewer than three corners",)
-    return clean(vertices, triangles, found.get("vertex_normals"), warnings=notes)
+    normals, uv = found.get("vertex_normals"), _columns(of_vertex, _UV)
+    return clean(vertices, triangles, normals, uv, notes, _colors(of_vertex), _colors(of_face))
 
 
 def _fans(polygons: np.ndarray) -> np.ndarray:

@@ -11,12 +11,15 @@ COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
+WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
+
 _UNSIGNED = {
     "TILE_SIDE": TILE_SIDE,
     "TILE": TILE,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
     "COUNTER_EDGES": COUNTER_EDGES,
+    **{f"WRAP_{name.upper()}": place for place, name in enumerate(WRAPS)},
     "MATERIAL_TRANSMITS": TRANSMITS,
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
 }

@@ -5,7 +5,7 @@ Adding a material, shape or light touches nothing here: its file in `cl/` and it
 
 from __future__ import annotations
 
-from raytide.kernels.features import Features
+from raytide.kernels.features import SKIES, Features
 from raytide.kernels.records import MATERIAL_FLOATS
 
 _TYPES = {1: "float", 3: "float3", 4: "float4"}
@@ -20,7 +20,12 @@ _MATERIAL_FUNCTIONS = {
 
 def text(name: str, features: Features) -> str | None:
     """Text of the virtual file `dispatch/GROUP.cl`; None for every other name."""
-    makers = {"dispatch/material.cl": _material, "dispatch/shape.cl": _shape, "dispatch/light.cl": _light}
+    makers = {
+        "dispatch/material.cl": _material,
+        "dispatch/shape.cl": _shape,
+        "dispatch/light.cl": _light,
+        "dispatch/texture.cl": _texture,
+    }
     return makers[name](features) if name in makers else None
 
 
@@ -31,7 +36,8 @@ def type_name(kind: str) -> str:
 
 def parameters_text(features: Features) -> str:
     """One struct and one loader for each material kind present; loads the record's floats in declared order."""
-    out = []
+    # Once textures have scaled them, the parameters at a point of a surface are a copy of the item's own.
+    out = [f"#define MATERIAL_SPACE {'private' if features.textures else 'global'}\n"]
     for kind, parameters in features.materials:
         members, loads, place = [], [], 0
         for name, width in parameters:
@@ -46,7 +52,7 @@ def parameters_text(features: Features) -> str:
         name = type_name(kind)
         out.append(
             f"typedef struct {{\n{chr(10).join(members)}\n}} {name};\n"
-            f"static {name} load_{kind}(global const Material *m)\n{{\n    {name} out;\n"
+            f"static {name} load_{kind}(MATERIAL_SPACE const Material *m)\n{{\n    {name} out;\n"
             + "\n".join(loads)
             + "\n    return out;\n}\n"
         )
@@ -76,19 +82,19 @@ def _material(features: Features) -> str:
         tail = f", {parameters}" if parameters else ""
         call = f"{{kind}}_{function}(load_{{kind}}(m){', ' + arguments if arguments else ''})"
         out.append(
-            f"static {result} material_{function}(global const Material *m{tail})\n{{\n"
+            f"static {result} material_{function}(MATERIAL_SPACE const Material *m{tail})\n{{\n"
             + _switch("m->kind", "MATERIAL", present, call, otherwise)
             + "\n}"
         )
     out += [_value_of(kind) for kind in present]
     out.append(
-        "static BsdfValue material_value(global const Material *m, const float3 wo, const float3 wi)\n{\n"
+        "static BsdfValue material_value(MATERIAL_SPACE const Material *m, const float3 wo, const float3 wi)\n{\n"
         + _switch("m->kind", "MATERIAL", present, "{kind}_value(load_{kind}(m), wo, wi)", "no_bsdf_value()")
         + "\n}"
     )
     emits = "emissive_emit(load_emissive(m), cos_o)" if "emissive" in present else "(float3)(0.0f)"
     out.append(
-        "static float3 material_emit(global const Material *m, const float cos_o)\n{\n"
+        "static float3 material_emit(MATERIAL_SPACE const Material *m, const float cos_o)\n{\n"
         f"    return m->kind == MATERIAL_EMISSIVE ? {emits} : (float3)(0.0f);\n}}"
     )
     return "\n".join(out) + "\n"
@@ -121,12 +127,18 @@ def _shape(features: Features) -> str:
         + _switch("s->kind", "SHAPE", sampled, "{kind}_pdf(s, from, p, ng, wi)", "0.0f")
         + "\n}"
     )
+    if features.textures:
+        out.append(
+            "static float2 shape_uv(global const Shape *s, const float3 p, const float3 ng)\n{\n"
+            + _switch("s->kind", "SHAPE", present, "{kind}_uv(s, p, ng)", "(float2)(0.0f)")
+            + "\n}"
+        )
     return "\n".join(out) + "\n"
 
 
 def _light(features: Features) -> str:
     present = features.lights
-    hit = tuple(kind for kind in present if kind in ("emitter", "environment"))
+    hit = tuple(kind for kind in present if kind == "emitter" or kind in SKIES)
     out = ['#include "base/light_sample.cl"', '#include "light/pick.cl"']
     out += [f'#include "light/{kind}.cl"' for kind in present]
     out.append(
@@ -139,4 +151,24 @@ def _light(features: Features) -> str:
         + _switch("l->kind", "LIGHT", hit, "{kind}_pdf(l, g, from, s, wi)", "0.0f")
         + "\n}"
     )
+    if "environment_map" in present:
+        seen = "l->kind == LIGHT_ENVIRONMENT_MAP ? environment_map_seen(l, g, wi).radiance : xyz(l->radiance)"
+    else:
+        seen = "xyz(l->radiance)"
+    out.append(
+        "static float3 light_seen(global const Light *l, const Geometry g, const float3 wi)\n{\n"
+        f"    return {seen};\n}}"
+    )
+    return "\n".join(out) + "\n"
+
+
+def _texture(features: Features) -> str:
+    present = features.textures
+    out = ['#include "accel/geometry.cl"', *(f'#include "texture/{kind}.cl"' for kind in present)]
+    if present:
+        out.append(
+            "static float3 texture_value(global const Texture *t, const Geometry g, const TexturePoint at)\n{\n"
+            + _switch("t->kind", "TEXTURE", present, "{kind}_value(t, g, at)", "(float3)(0.0f)")
+            + "\n}"
+        )
     return "\n".join(out) + "\n"

@@ -10,12 +10,13 @@ from functools import cache
 
 from raytide.kernels.paths import kernel_dir
 
+SKIES = ("environment", "environment_map")  # lights that rays without a hit see
 Parameters = tuple[tuple[str, int], ...]
 
 
 @cache
 def kinds(group: str) -> tuple[str, ...]:
-    """All kinds of a group ("material", "shape", "light"): the files of that folder. A kind's number is its place."""
+    """All kinds of a group ("material", "shape", ...): the files of that folder. A kind's number is its place."""
     helpers = {"pick"}
     return tuple(sorted(p.stem for p in (kernel_dir() / group).glob("*.cl") if p.stem not in helpers))
 
@@ -35,6 +36,7 @@ class Features:
     materials: tuple[tuple[str, Parameters], ...] = ()
     shapes: tuple[str, ...] = ()
     lights: tuple[str, ...] = ()
+    textures: tuple[str, ...] = ()  # kinds that materials read
     triangles: bool = True  # any triangle mesh
     smooth: bool = False  # vertex normals
     tree: bool = True  # off: brute force
@@ -56,10 +58,15 @@ class Features:
     def switches(self) -> dict[str, bool]:
         """Every switch by name, HAS_ left away; all are always defined as 0 or 1."""
         on = {field.name: bool(getattr(self, field.name)) for field in fields(self) if field.type == "bool"}
-        for group, present in (("material", self.material_kinds), ("shape", self.shapes), ("light", self.lights)):
+        present_of = {"material": self.material_kinds, "shape": self.shapes, "light": self.lights}
+        present_of["texture"] = self.textures
+        for group, present in present_of.items():
             on |= {kind: kind in present for kind in kinds(group)}
         on["analytic"] = any(shape != "plane" for shape in self.shapes)
         on["lights"] = bool(self.lights)
+        on["sky"] = any(light in SKIES for light in self.lights)
+        on["textured"] = bool(self.textures)  # materials
+        on["textures"] = on["textured"] or "environment_map" in self.lights  # buffers of texels
         return dict(sorted(on.items()))
 
     def left_out(self) -> list[str]:

@@ -50,7 +50,7 @@ def _prelude(features: Features) -> str:
     switches = "".join(f"#define HAS_{name.upper()} {int(on)}\n" for name, on in features.switches().items())
     numbers = "".join(
         f"#define {group.upper()}_{kind.upper()} {number}u\n"
-        for group in ("material", "shape", "light")
+        for group in ("material", "shape", "light", "texture")
         for number, kind in enumerate(kinds(group))
     )
     pragma = "#pragma OPENCL FP_CONTRACT OFF\n"

@@ -11,15 +11,24 @@ import numpy as np
 from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
+from raytide.render.sky import patch_light
+from raytide.render.textures import PackedTextures, sky_radiance
 from raytide.scene.flatten import FlatScene
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
+from raytide.scene.materials import Material
+from raytide.scene.transform import matrix_of
 
 _EQUAL_SHARE = 0.25
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
 
 
 def pack_lights(
-    flat: FlatScene, geometry: FlatGeometry, objects: np.ndarray, origin: np.ndarray, planes_first: list[int]
+    flat: FlatScene,
+    geometry: FlatGeometry,
+    objects: np.ndarray,
+    origin: np.ndarray,
+    planes_first: list[int],
+    textures: PackedTextures,
 ) -> tuple[np.ndarray, int]:
     """Light records with their alias table, and the environment's index (NONE without one).
 
@@ -30,8 +39,9 @@ def pack_lights(
     weights = []
     for i, (row, light) in enumerate(zip(declared, flat.lights, strict=True)):
         weights.append(_declared(row, light, origin, target))
-        if light.type == "environment":
+        if isinstance(light, EnvironmentLight):
             environment = i
+            weights[-1] += _sky(row, light, flat, textures)
     parts, groups = [declared], [np.arange(len(declared))]
     importance = [np.asarray(weights, float)]
     count = len(declared)
@@ -49,8 +59,9 @@ def pack_lights(
         rows["extra"][:, 0] = radiance["two_sided"][0]
         rows["extra"][:, 1] = areas
         objects[index]["light"] = count
+        shown = _texture(rows, material, thing.material, textures)
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
-        importance.append(_LUMINANCE @ radiance["radiance"] * areas / np.maximum(distance2, areas))
+        importance.append(_LUMINANCE @ np.multiply(radiance["radiance"], shown) * areas / np.maximum(distance2, areas))
         groups.append(np.full(len(prims), len(flat.lights) + index))
         parts.append(rows)
         count += len(prims)
@@ -62,9 +73,11 @@ def pack_lights(
 
 def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndarray) -> float:
     """Fills the record of a declared light; returns its irradiance at `target`."""
-    row["kind"] = kind_number("light", light.type)
+    row["kind"] = kind_number("light", light.kernel)
     row["prim"] = NONE
     if isinstance(light, EnvironmentLight):
+        if light.radiance is None:
+            return 0.0
         row["radiance"][:3] = np.multiply(light.radiance, light.scale)
         return float(np.pi * _LUMINANCE @ np.multiply(light.radiance, light.scale))
     if isinstance(light, DirectionalLight):
@@ -83,6 +96,28 @@ def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndar
         row["extra"] = (*np.cos(angles), *angles)
     distance2 = float(np.sum((position - target) ** 2))
     return float(_LUMINANCE @ np.array(light.intensity)) / max(distance2, 1e-30)
+
+
+def _sky(row: np.ndarray, light: EnvironmentLight, flat: FlatScene, textures: PackedTextures) -> float:
+    """Fills what a picture of the sky adds to the record; returns a quarter of its radiance over all directions, which
+    for a constant one is the irradiance of a plane."""
+    if flat.textures.sky is None or light.file is None:
+        return 0.0
+    row["prim"] = textures.sky
+    row["radiance"][:3] = light.scale
+    for member, axis in zip(("position", "direction", "extra"), matrix_of(light.transform)[:3, :3].T, strict=True):
+        row[member][:3] = axis  # where the picture's own axes point
+    return light.scale * float(patch_light(sky_radiance(flat.textures.sky)).sum()) / 4
+
+
+def _texture(rows: np.ndarray, material: Material, index: int, textures: PackedTextures) -> np.ndarray:
+    """Links an emitter's records to the texture of their radiance; its mean colour, (1, 1, 1) without one."""
+    name = material.textures().get("radiance")
+    slot = NONE
+    if name is not None:
+        slot = textures.first_slots[index] + list(material.textures()).index("radiance")
+    rows["radiance"][:, 3] = np.array([slot], np.uint32).view(np.float32)
+    return np.ones(3) if name is None else textures.means[name]
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

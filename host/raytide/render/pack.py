@@ -11,9 +11,10 @@ import numpy as np
 
 from raytide.accel import FlatGeometry
 from raytide.kernels.constants import TRANSMITS
-from raytide.kernels.features import Features, kind_number
+from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.lights import pack_lights
+from raytide.render.textures import PackedTextures, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
 
@@ -30,11 +31,13 @@ class PackedScene:
     environment: int
     camera: np.ndarray
     origin: np.ndarray
+    textures: PackedTextures
 
     @property
     def nbytes(self) -> int:
         arrays = (self.normals, self.objects, self.materials, self.lights, self.camera, self.geometry.vertices)
-        return sum(a.nbytes for a in arrays) + self.geometry.triangles.nbytes + self.geometry.shapes.nbytes
+        geometry = self.geometry.triangles.nbytes + self.geometry.shapes.nbytes
+        return sum(a.nbytes for a in arrays) + geometry + self.textures.nbytes
 
 
 def features_of(flat: FlatScene, everything: bool = False) -> Features:
@@ -46,16 +49,17 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     used = {flat.materials[thing.material].type for thing in flat.objects}  # named but unused ones cost nothing
     present = set(MATERIALS) if everything else used
     asked = {name for thing in flat.objects for name in flat.materials[thing.material].switches()}
-    lights = {light.type for light in flat.lights}
+    lights = {light.kernel for light in flat.lights}
     if "emissive" in used:
         lights.add("emitter")
     if everything:
-        lights = {"point", "directional", "spot", "environment", "emitter"}
+        lights = set(kinds("light"))
     shapes = set(ANALYTIC_KINDS) if everything else {s.kind for s in flat.shapes}
     return Features(
         materials=tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(present)),
         shapes=tuple(sorted(shapes)),
         lights=tuple(sorted(lights)),
+        textures=kinds("texture") if everything else tuple(sorted(texture_kinds(flat))),
         triangles=everything or len(flat.triangles) > 0,
         smooth=everything or flat.normals is not None,
         tree=render.bvh != "none",
@@ -74,16 +78,19 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
     planes_first = sorted(range(len(flat.shapes)), key=lambda j: flat.shapes[j].kind != "plane")
     geometry = _geometry(flat, origin, planes_first)
     objects = _objects(flat, planes_first)
-    lights, environment = pack_lights(flat, geometry, objects, origin, planes_first)
+    materials = _materials(flat)
+    textures = pack_textures(flat, features, materials)
+    lights, environment = pack_lights(flat, geometry, objects, origin, planes_first, textures)
     return PackedScene(
         geometry=geometry,
         normals=_normals(flat, features),
         objects=objects,
-        materials=_materials(flat),
+        materials=materials,
         lights=lights,
         environment=environment,
         camera=_camera(flat, origin),
         origin=origin,
+        textures=textures,
     )
 
 
@@ -158,5 +165,6 @@ def _camera(flat: FlatScene, origin: np.ndarray) -> np.ndarray:
         row["origin"][0, 3] = camera.aperture
         row["right"][0, 3] = 1.0 / camera.focus_distance
     aspect = width / height
-    row["raster"][0] = (-half * aspect, half, 2 * half * aspect / width, -2 * half / height)
+    right_of, above = (2 * half * part for part in camera.shift)
+    row["raster"][0] = (right_of - half * aspect, above + half, 2 * half * aspect / width, -2 * half / height)
     return row

@@ -144,7 +144,7 @@ class Renderer:
                 f"camera.size: came {width}x{height}, which needs {needed >> 20} MiB in all; {info.id} has "
                 f"{info.global_mem_bytes >> 20} MiB; render a smaller picture"
             )
-        self.buffers = SceneBuffers(self.device, self.packed, self.tree)
+        self.buffers = SceneBuffers(self.device, self.packed, self.tree, self.features.switches()["textures"])
         self.settings_buffer = self.device.upload(settings_record(self.flat, self.packed))
         self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height))
         pixels_of = self.frame.pixels_of

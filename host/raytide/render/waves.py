@@ -13,10 +13,12 @@ import numpy as np
 
 from raytide.accel import Tree
 from raytide.device import Buffer, Device, Program
+from raytide.errors import UsageError
 from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import PACKET_LOCAL_SIZE, WavePlan
+from raytide.render.textures import PackedTextures
 
 # Launches whose queues follow the tiles of the picture: compaction keeps the order in which camera rays were made.
 TILE_ORDERED = ("primary", "shadow[1]")
@@ -52,7 +54,7 @@ class RayCounts:
 class SceneBuffers:
     """The scene on the device. `geometry` are the arguments that every tracing kernel starts with."""
 
-    def __init__(self, device: Device, packed: PackedScene, tree: Tree) -> None:
+    def __init__(self, device: Device, packed: PackedScene, tree: Tree, textured: bool) -> None:
         flat = packed.geometry
         self.geometry = (
             *tree.buffers(device),
@@ -69,6 +71,21 @@ class SceneBuffers:
         self.materials = device.upload(packed.materials)
         self.lights = device.upload(packed.lights)
         self.camera = device.upload(packed.camera)
+        self.textures = self._textures(device, packed.textures, textured)
+
+    @staticmethod
+    def _textures(device: Device, packed: PackedTextures, textured: bool) -> tuple[Buffer | np.uint32, ...]:
+        """Arguments of kernels that read textures; none where no kernel does. UsageError for too many texels."""
+        if not textured:
+            return ()
+        needed, limit = packed.texels.nbytes, device.info.max_alloc_bytes
+        if needed > limit:
+            raise UsageError(
+                f"textures: came {needed >> 20} MiB of texels; {device.info.id} allows {limit >> 20} MiB in a buffer; "
+                "use smaller pictures"
+            )
+        arrays = (packed.table, packed.slots, packed.texels, packed.uvs, packed.colors)
+        return (*(device.upload(array) for array in arrays), np.uint32(packed.face_colors))
 
 
 class Waves:
@@ -161,7 +178,7 @@ class Waves:
         queue, following = self._queues
         launch(
             programs["shade"], "shade", count, 64,
-            *scene.geometry, scene.objects, scene.materials, scene.lights, self.settings, queue, n,
+            *scene.geometry, scene.objects, scene.materials, *scene.textures, scene.lights, self.settings, queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
             self._shadow_rays, self._shadow_light, self.samples,
             label="shade",

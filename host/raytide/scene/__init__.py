@@ -3,7 +3,21 @@
 `load` reads a file, `Scene` is what scripts build and edit, `Scene.flatten()` is what a renderer takes.
 """
 
-from raytide.scene.builders import box, directional, disk, mesh, plane, point, rect, sky, sphere, spot
+from raytide.scene.builders import (
+    bitmap,
+    box,
+    checkerboard,
+    directional,
+    disk,
+    mesh,
+    mesh_attribute,
+    plane,
+    point,
+    rect,
+    sky,
+    sphere,
+    spot,
+)
 from raytide.scene.camera import Orthographic, ThinLens
 from raytide.scene.camera import Pinhole as Camera
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
@@ -50,12 +64,15 @@ __all__ = [
     "SpotLight",
     "ThinDielectric",
     "ThinLens",
+    "bitmap",
     "box",
+    "checkerboard",
     "directional",
     "disk",
     "from_tables",
     "load",
     "mesh",
+    "mesh_attribute",
     "plane",
     "point",
     "rect",

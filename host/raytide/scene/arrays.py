@@ -21,6 +21,16 @@ def as_vertices(value: Any) -> np.ndarray:
     return _frozen(array, np.float64)
 
 
+def as_uv(value: Any) -> np.ndarray:
+    """(V, 2) float64, finite, of size at most LARGEST. Raises ValueError."""
+    array = _table(value, "iuf", 2)
+    wrong = np.flatnonzero(~(np.abs(array.astype(float)) <= LARGEST).all(axis=1))
+    if len(wrong):
+        row = int(wrong[0])
+        raise ValueError(f"finite numbers of size at most {LARGEST:g} (uv[{row}] is {array[row].tolist()})")
+    return _frozen(array, np.float64)
+
+
 def as_faces(value: Any) -> np.ndarray:
     """(T, 3) uint32 of whole numbers from 0. Raises ValueError."""
     array = _table(value, "iu")
@@ -31,23 +41,23 @@ def as_faces(value: Any) -> np.ndarray:
     return _frozen(array, np.uint32)
 
 
-def _table(value: Any, kinds: str) -> np.ndarray:
+def _table(value: Any, kinds: str, width: int = 3) -> np.ndarray:
     if not isinstance(value, (list, tuple, np.ndarray)):
         raise ValueError("")
     if not isinstance(value, np.ndarray):
         for row, items in enumerate(value):
-            if not isinstance(items, (list, tuple, np.ndarray)) or len(items) != 3:
-                raise ValueError(f"3 numbers in each row (row {row} is not)")
+            if not isinstance(items, (list, tuple, np.ndarray)) or len(items) != width:
+                raise ValueError(f"{width} numbers in each row (row {row} is not)")
             if any(isinstance(item, (bool, str)) for item in items):
-                raise ValueError(f"3 numbers in each row (row {row} holds something else)")
+                raise ValueError(f"{width} numbers in each row (row {row} holds something else)")
     try:
-        array = np.asarray(value) if len(value) else np.zeros((0, 3), int)
+        array = np.asarray(value) if len(value) else np.zeros((0, width), int)
     except (ValueError, OverflowError):
         raise ValueError("") from None
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise ValueError(f"3 numbers in each row (the shape is {array.shape})")
+    if array.ndim != 2 or array.shape[1] != width:
+        raise ValueError(f"{width} numbers in each row (the shape is {array.shape})")
     if array.dtype.kind not in kinds:
-        raise ValueError("whole numbers in each row" if kinds == "iu" else "3 numbers in each row")
+        raise ValueError("whole numbers in each row" if kinds == "iu" else f"{width} numbers in each row")
     return array
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from raytide.errors import Problem, SceneError
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
 from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
+from raytide.scene.textures import Bitmap, Checkerboard, MeshAttribute
 
 
 def sphere(center: Any = (0, 0, 0), radius: float = 1.0) -> Sphere:
@@ -36,12 +36,15 @@ def disk(center: Any = (0, 0, 0), normal: Any = (0, 1, 0), radius: float = 1.0) 
 
 
 def mesh(
-    file: str | os.PathLike[str] | None = None, *, vertices: Any = None, faces: Any = None, smooth: bool = False
+    file: str | os.PathLike[str] | None = None, *, vertices: Any = None, faces: Any = None, uv: Any = None,
+    smooth: bool = False,
 ) -> Mesh:
-    """Triangles of a file, or arrays: vertices (V, 3) [m] and faces (T, 3), copied. Raises SceneError."""
+    """Triangles of a file, or arrays: vertices (V, 3) [m], faces (T, 3), and texture coordinates uv (V, 2) if wanted,
+    all copied. Raises SceneError."""
     if file is not None:
         return Mesh(mesh=os.fspath(file), smooth=smooth)
-    return Mesh(vertices=vertices, faces=faces, smooth=smooth)
+    keys = {} if uv is None else {"uv": uv}
+    return Mesh(vertices=vertices, faces=faces, smooth=smooth, **keys)
 
 
 def point(position: Any, intensity: Any) -> PointLight:
@@ -62,9 +65,26 @@ def spot(
     return SpotLight(position=position, target=target, intensity=intensity, cutoff=cutoff, **keys)
 
 
-def sky(radiance: Any = 1.0, *, scale: float = 1.0) -> EnvironmentLight:
-    """The same radiance from all around [W/(sr m^2)]. Raises SceneError."""
+def sky(radiance: Any = 1.0, *, scale: float = 1.0, rotate: float = 0.0) -> EnvironmentLight:
+    """The same radiance from all around [W/(sr m^2)], or the name of a picture of the sky (EXR, HDR, PNG, JPEG),
+    turned by `rotate` about y [degrees]. Raises SceneError."""
     if isinstance(radiance, (str, os.PathLike)):
-        came = f"the image {os.fspath(radiance)!r}"
-        raise SceneError([Problem("radiance", came, "a number or [r, g, b] (image environments are not there yet)")])
+        turn: Any = [{"rotate": {"axis": "y", "degrees": rotate}}] if rotate else []
+        return EnvironmentLight(file=os.fspath(radiance), scale=scale, transform=turn)
     return EnvironmentLight(radiance=radiance, scale=scale)
+
+
+def bitmap(file: str | os.PathLike[str], **keys: Any) -> Bitmap:
+    """A picture as a texture: PNG, JPEG, EXR or HDR; `keys` as in a scene file. Raises SceneError."""
+    return Bitmap(file=os.fspath(file), **keys)
+
+
+def checkerboard(color0: Any = 0.4, color1: Any = 0.2, *, scale: Any = None) -> Checkerboard:
+    """Two by two fields a unit square of texture coordinates, which `scale` multiplies. Raises SceneError."""
+    steps: Any = [] if scale is None else [{"scale": scale}]
+    return Checkerboard(color0=color0, color1=color1, transform=steps)
+
+
+def mesh_attribute(attribute: Any = "vertex_color") -> MeshAttribute:
+    """The colours that a mesh file gives its vertices ("vertex_color") or faces ("face_color"). Raises SceneError."""
+    return MeshAttribute(attribute=attribute)

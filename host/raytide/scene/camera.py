@@ -6,10 +6,10 @@ import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from raytide.scene.model import Table
-from raytide.scene.values import Direction, Kind, Number, Point, as_count, as_list, key
+from raytide.scene.values import Direction, Kind, Number, Point, as_count, as_list, as_number, key
 
 MOST_PIXELS = 2**28
 LONGEST_SIDE = 65536
@@ -28,6 +28,19 @@ def _as_size(value: Any) -> tuple[int, int]:
     return (width, height)
 
 
+def _as_shift(value: Any) -> tuple[float, float]:
+    items = as_list(value)
+    if len(items) != 2:
+        raise ValueError("")
+    return (as_number(items[0]), as_number(items[1]))
+
+
+Shift = Annotated[
+    tuple[float, float],
+    BeforeValidator(_as_shift),
+    Kind("[right, up], two numbers"),
+    WithJsonSchema({"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}),
+]
 Size = Annotated[tuple[int, int], BeforeValidator(_as_size), Kind(f"[width, height], each from 1 to {LONGEST_SIDE}")]
 
 
@@ -36,9 +49,10 @@ class Camera(Table):
 
     type: str
     origin: Point = key(unit="m", doc="place of the eye")
-    target: Point = key(unit="m", doc="point in the middle of the picture")
+    target: Point = key(unit="m", doc="point in the middle of the picture (before shift)")
     up: Direction = key((0.0, 1.0, 0.0), doc="direction that points up in the picture")
     size: Size = key((640, 360), unit="pixels", doc="width and height of the picture")
+    shift: Shift = key((0.0, 0.0), unit="heights", doc="of the picture off the axis, for crops and rising fronts")
 
     FIRST: ClassVar[str] = ""
 

@@ -11,6 +11,8 @@ from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.materials import Emissive, Material
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh, Shape
+from raytide.scene.texture_check import texture_problems, texture_warnings
+from raytide.scene.textures import Texture
 from raytide.scene.transform import fault_of, matrix_of
 from raytide.scene.values import LARGEST, SMALLEST
 
@@ -22,11 +24,14 @@ def scene_problems(scene: Scene) -> list[Problem]:
     """Everything that keeps a scene from being rendered."""
     strangers = [
         Problem(path_words((group, str(name))), value_words(thing), f"a {base.__name__.lower()}")
-        for group, base in (("materials", Material), ("objects", Shape), ("lights", Light))
+        for group, base in (("textures", Texture), ("materials", Material), ("objects", Shape), ("lights", Light))
         for name, thing in getattr(scene, group).items()
         if not isinstance(thing, base)
     ]
-    return strangers or object_problems(scene, list(scene.materials)) + light_problems(scene)
+    if strangers:
+        return strangers
+    found = object_problems(scene, list(scene.materials)) + light_problems(scene)
+    return found + texture_problems(scene, list(scene.textures))
 
 
 def light_problems(scene: Scene) -> list[Problem]:
@@ -100,10 +105,10 @@ def _mesh_problems(scene: Scene, name: str, shape: Mesh) -> list[Problem]:
 def scene_warnings(scene: Scene) -> list[str]:
     """What looks wrong but does not stop a render."""
     used = {shape.material for shape in scene.objects.values()}
-    found = [f"materials.{name}: no object uses it" for name in scene.materials if name not in used]
+    found = [*scene.notes, *(f"materials.{name}: no object uses it" for name in scene.materials if name not in used)]
     for name, shape in scene.objects.items():
         if isinstance(shape, Mesh):
             found += [f"objects.{name}: {words}" for words in scene.mesh_data(shape).warnings]
     if not scene.lights and not any(isinstance(scene.materials.get(name or ""), Emissive) for name in used):
         found.append("the scene has no light: every picture of it is black")
-    return found
+    return found + texture_warnings(scene)

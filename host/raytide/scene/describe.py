@@ -11,7 +11,11 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from raytide.errors import list_words, nearest
+from raytide.scene.textured import may_be_textured
 from raytide.scene.values import Kind
+
+__all__ = ["Option", "list_words", "nearest", "option_of", "options_of", "value_words"]
 
 
 @dataclass(frozen=True)
@@ -26,12 +30,14 @@ class Option:
     range: str
     choices: tuple[str, ...]
     doc: str
+    textured: bool = False
 
     @property
     def wanted(self) -> str:
         """The accepted values in words, for example `a number above 0 [m]`."""
         words = f"{self.type} {self.range}" if self.range else self.type
-        return f"{words} [{self.unit}]" if self.unit else words
+        words = f"{words} [{self.unit}]" if self.unit else words
+        return f"{words}, or the name of a texture" if self.textured else words
 
 
 def options_of(model: type[BaseModel], prefix: str = "") -> list[Option]:
@@ -54,6 +60,7 @@ def option_of(model: type[BaseModel], name: str, prefix: str = "") -> Option:
         range=_range_words(field),
         choices=choices,
         doc=field.description or "",
+        textured=may_be_textured(field),
     )
 
 
@@ -78,17 +85,25 @@ def _type_words(field: FieldInfo, choices: tuple[str, ...]) -> str:
     return kinds[0].words if kinds else "text"
 
 
-def _range_words(field: FieldInfo) -> str:
-    """`from 0 to 1`, `above 0`, ... out of the field's bounds and its kind's."""
-    low = high = above = below = None
+def bounds_of(field: FieldInfo) -> tuple[float | None, float | None]:
+    """Least and largest number of a field, by its own bounds or its kind's."""
+    low = high = None
     for item in field.metadata:
         low = getattr(item, "ge", low)
         high = getattr(item, "le", high)
-        above = getattr(item, "gt", above)
-        below = getattr(item, "lt", below)
     for kind in _kinds(field):
         low = kind.low if low is None else low
         high = kind.high if high is None else high
+    return low, high
+
+
+def _range_words(field: FieldInfo) -> str:
+    """`from 0 to 1`, `above 0`, ... out of the field's bounds and its kind's."""
+    low, high = bounds_of(field)
+    above = below = None
+    for item in field.metadata:
+        above = getattr(item, "gt", above)
+        below = getattr(item, "lt", below)
     parts = []
     if low is not None:
         parts.append(f"from {low:.10g} to {high:.10g}" if high is not None else f"of at least {low:.10g}")
@@ -130,19 +145,3 @@ def _float_words(value: float) -> str:
     if math.isinf(value):
         return "-Infinity" if value < 0 else "Infinity (or a number too large for a float)"
     return repr(value).removesuffix(".0")
-
-
-def nearest(word: str, candidates: list[str] | tuple[str, ...]) -> str | None:
-    """`did you mean 'x'?` for the candidate most like `word`, or None."""
-    from difflib import get_close_matches
-
-    found = get_close_matches(word, list(candidates), n=1, cutoff=0.6)
-    return f"did you mean {found[0]!r}?" if found else None
-
-
-def list_words(names: list[str] | tuple[str, ...], limit: int = 12) -> str:
-    """`one of a, b, c`, shortened."""
-    if not names:
-        return "none (there is none)"
-    shown = ", ".join(name if name.isprintable() else ascii(name) for name in names[:limit])
-    return f"one of {shown}" + (f", ... ({len(names)} in all)" if len(names) > limit else "")

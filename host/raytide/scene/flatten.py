@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from raytide.scene.camera import Camera
 from raytide.scene.lights import Light
 from raytide.scene.materials import Material
 from raytide.scene.normals import smooth_normals
+from raytide.scene.painted import FlatTextures, Painted, flat_textures
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import Mesh
 from raytide.scene.transform import is_mirror, matrix_of, move_normals, move_points
@@ -74,15 +75,17 @@ class FlatScene:
     camera: Camera
     render: RenderSettings
     warnings: list[str]
+    textures: FlatTextures = field(default_factory=FlatTextures)
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """A mesh in the world: vertices (V, 3), triangles (T, 3), normals (V, 3) or None."""
+    """A mesh in the world: vertices (V, 3), triangles (T, 3), normals (V, 3) or None; what textures read of it."""
 
     vertices: np.ndarray
     triangles: np.ndarray
     normals: np.ndarray | None
+    painted: Painted
 
 
 def flatten_scene(scene: Scene) -> FlatScene:
@@ -125,6 +128,7 @@ def flatten_scene(scene: Scene) -> FlatScene:
         camera=scene.camera,
         render=scene.render,
         warnings=warnings,
+        textures=flat_textures(scene, [piece.painted for piece in pieces]),
     )
 
 
@@ -132,6 +136,7 @@ def _placed_mesh(mesh: MeshData, matrix: np.ndarray, smooth: bool, name: str, wa
     """The mesh moved; triangles that leave float32's range on the way are dropped and told."""
     vertices = move_points(matrix, mesh.vertices)
     triangles = mesh.triangles
+    painted = Painted.of(mesh)
     normals = None
     if smooth:
         own = mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
@@ -141,13 +146,15 @@ def _placed_mesh(mesh: MeshData, matrix: np.ndarray, smooth: bool, name: str, wa
         kept = sound[triangles].all(axis=1)
         warnings.append(f"objects.{name}: dropped {np.count_nonzero(~kept)} triangles moved beyond {LARGEST:g}")
         triangles, vertices = triangles[kept], np.where(sound[:, None], vertices, 0.0)
+        painted = painted.faces(kept)
     lost = longest_edges(vertices, triangles) < SMALLEST  # an invertible map makes no new slivers
     if lost.any():
         warnings.append(f"objects.{name}: dropped {np.count_nonzero(lost)} triangles that its transform makes vanish")
         triangles = triangles[~lost]
+        painted = painted.faces(~lost)
     if is_mirror(matrix):
         triangles = triangles[:, [0, 2, 1]]  # the front stays on the side of the moved normals
-    return _Piece(vertices, triangles, normals)
+    return _Piece(vertices, triangles, normals, painted)
 
 
 def _joined(pieces: list[_Piece]) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:

@@ -11,14 +11,16 @@ from raytide.scene.materials import MATERIALS
 from raytide.scene.presets import CONDUCTORS
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import SHAPES
+from raytide.scene.textures import TEXTURES, UvStep
 from raytide.scene.transform import Rotate, Step
 
 GROUPS: dict[str, dict[str, type[Any]]] = {
     "cameras": CAMERAS,
+    "textures": TEXTURES,
     "materials": MATERIALS,
     "shapes": SHAPES,
     "lights": LIGHTS,
-    "transform": {"step": Step, "rotate": Rotate},
+    "transform": {"step": Step, "rotate": Rotate, "texture step": UvStep},
     "render": {"render": RenderSettings},
 }
 

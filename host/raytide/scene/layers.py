@@ -11,7 +11,7 @@ from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.model import path_words
 
-GROUPS = ("camera", "render", "materials", "objects", "lights")
+GROUPS = ("camera", "render", "textures", "materials", "objects", "lights")
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import model_validator
+import numpy as np
+from pydantic import BaseModel, Field, model_validator
 
 from raytide.scene.model import Table
-from raytide.scene.values import SMALLEST, Direction, Emission, Number, Point, check_product, key
+from raytide.scene.transform import Step, matrix_of
+from raytide.scene.values import SMALLEST, Direction, Emission, Kind, Number, Point, check_product, key
 
 
 class Light(Table):
     """A light with a name."""
 
+    NESTED: ClassVar[dict[str, type[BaseModel]]] = {}
     type: str
+
+    @property
+    def kernel(self) -> str:
+        """Name of its kernel file, `cl/light/NAME.cl`."""
+        return self.type
 
 
 class PointLight(Light):
@@ -66,16 +74,33 @@ class SpotLight(Light):
 
 
 class EnvironmentLight(Light):
-    """The same radiance from every direction, seen where a ray hits nothing."""
+    """Radiance from all around, seen where a ray hits nothing: the same everywhere, or a picture of the sky."""
 
+    NESTED = {"transform": Step}
     FIRST: ClassVar[str] = "radiance"
     type: Literal["environment"] = "environment"
-    radiance: Emission = key(unit="W/(sr m^2)", doc="radiance from all around")
+    radiance: Emission | None = key(None, unit="W/(sr m^2)", doc="radiance from all around")
+    file: str | None = key(None, doc="EXR, HDR, PNG or JPEG file, latitude and longitude, the top at +y")
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
+    transform: Annotated[list[Step], Kind("a list of steps that turn the picture")] = Field(
+        default_factory=list, description="steps applied in order; together a rotation"
+    )
+
+    @property
+    def kernel(self) -> str:
+        """Name of its kernel file: pictures have one of their own."""
+        return "environment" if self.file is None else "environment_map"
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        check_product(self.radiance, self.scale)
+        given = [name for name in ("radiance", "file") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"came {' and '.join(given) or 'no radiance'}; wanted either radiance or file")
+        if self.radiance is not None:
+            check_product(self.radiance, self.scale)
+        turn = matrix_of(self.transform)[:3]
+        if not (np.abs(turn[:, :3] @ turn[:, :3].T - np.eye(3)).max() <= 1e-6 and not turn[:, 3].any()):
+            raise ValueError("came a transform that is no rotation; wanted rotate steps, or a matrix that rotates")
         return self
 
 

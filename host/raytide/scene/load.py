@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,14 @@ from raytide.scene.camera import CAMERAS
 from raytide.scene.check import light_problems, object_problems
 from raytide.scene.describe import value_words
 from raytide.scene.layers import Layer, Override, apply_overrides, overrides_of, parse_override
+from raytide.scene.mitsuba import Mitsuba, read_mitsuba
 from raytide.scene.model import Table, path_words
 from raytide.scene.parse import parse_text, read_text, unknown_key
 from raytide.scene.positions import find_keys, line_of, parent_of
 from raytide.scene.scene import FORMAT, GROUPS, Scene, make_table, name_fault
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import Box, Mesh, Shape
+from raytide.scene.texture_check import texture_problems
 
 TOP = ["format", "camera", "render", *GROUPS]
 
@@ -29,16 +31,18 @@ def load(
     allow_outside: bool = False,
     overrides: Iterable[str] = (),
     layers: Iterable[Layer] = (),
+    defines: Mapping[str, str] | None = None,
 ) -> Scene:
-    """Read a scene file (.toml or .json).
+    """Read a scene file (.toml or .json, or a Mitsuba 3 scene, .xml).
 
     Each of `layers` outranks the file and the layers before it; `overrides` (`key.path=value`, the value as TOML, a
     bare word as a string) outrank them all. Files that the scene names must lie in its folder unless `allow_outside`.
-    `scene.origins` tells which one set each render and camera key. Raises SceneError with all problems at once.
+    `scene.origins` tells which one set each render and camera key. `defines` are the parameters of a Mitsuba scene.
+    Raises SceneError with all problems at once.
     """
     file = Path(path)
-    text = read_text(file)
-    raw = parse_text(text, file)
+    source = read_mitsuba(file, defines, allow_outside) if file.suffix.lower() == ".xml" else _Text(file, defines)
+    raw = source.tables
     changes: list[Override] = [change for layer in layers for change in overrides_of(layer)]
     faults: list[Problem] = []
     for words in overrides:
@@ -48,10 +52,31 @@ def load(
             faults += error.problems
     sources, unplaced = apply_overrides(raw, changes)
     scene, problems = _build(raw, file.parent, allow_outside)
-    if problems or unplaced or faults or scene is None:
-        raise SceneError([*_located(problems, sources, text, file), *unplaced, *faults])
+    if problems or unplaced or faults or source.problems or scene is None:
+        raise SceneError([*_located(problems, sources, source), *unplaced, *faults])
     scene.origins = _origins(scene, sources)
+    scene.notes = list(source.warnings)
     return scene
+
+
+class _Text:
+    """A TOML or JSON file: its tables, and lines found only when something is wrong."""
+
+    def __init__(self, file: Path, defines: Mapping[str, str] | None) -> None:
+        if defines:
+            came = f"-D {next(iter(defines))}=..."
+            raise SceneError([Problem("", came, "-D with a Mitsuba scene (.xml) only; --set for others", str(file))])
+        self.file = file
+        self.text = read_text(file)
+        self.tables = parse_text(self.text, file)
+        self.problems: list[Problem] = []
+        self.warnings: list[str] = []
+
+    def located(self, problems: list[Problem]) -> list[Problem]:
+        """The same problems with file and line, in the order of the file."""
+        lines, _ = find_keys(self.text, self.file.suffix.lower() == ".json")
+        placed = [replace(found, file=str(self.file), line=line_of(found.key, lines)) for found in problems]
+        return sorted(placed, key=lambda found: found.line or 0)
 
 
 def from_tables(raw: dict[str, Any], *, folder: str | os.PathLike[str] = ".", allow_outside: bool = True) -> Scene:
@@ -83,6 +108,8 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
     written = raw.get("materials", {})
     problems += object_problems(scene, list(written) if isinstance(written, dict) else [])
     problems += light_problems(scene)
+    textures = raw.get("textures", {})
+    problems += texture_problems(scene, list(textures) if isinstance(textures, dict) else [])
     return (None if camera is None or len(scene.objects) > len(tables["objects"]) else scene), problems
 
 
@@ -132,22 +159,19 @@ def _made_group(group: str, tables: Any, problems: list[Problem]) -> dict[str, T
     return made
 
 
-def _located(problems: list[Problem], sources: dict[str, str], text: str, file: Path) -> list[Problem]:
-    """Problems with the file's line, or with the layer that set the key, in the order of the file."""
-    if not problems:
-        return []
-    lines, _ = find_keys(text, file.suffix.lower() == ".json")
-    placed = [_placed(found, sources, lines, file) for found in problems]
-    return sorted(placed, key=lambda found: found.line or 0)
-
-
-def _placed(found: Problem, sources: dict[str, str], lines: dict[str, int], file: Path) -> Problem:
-    key = found.key
-    while key:
-        if key in sources:
-            return replace(found, file=sources[key])
-        key = parent_of(key)
-    return replace(found, file=str(file), line=line_of(found.key, lines))
+def _located(problems: list[Problem], sources: dict[str, str], source: _Text | Mitsuba) -> list[Problem]:
+    """Problems with file and line, or with the layer that set the key; those of layers come first."""
+    placed: list[Problem] = []
+    own: list[Problem] = []
+    for found in problems:
+        key = found.key
+        while key and key not in sources:
+            key = parent_of(key)
+        if key:
+            placed.append(replace(found, file=sources[key]))
+        else:
+            own.append(found)
+    return [*placed, *source.located(own)]
 
 
 def _origins(scene: Scene, sources: dict[str, str]) -> dict[str, str]:

@@ -13,6 +13,7 @@ from pydantic import model_validator
 
 from raytide.scene.model import Table
 from raytide.scene.presets import CONDUCTORS
+from raytide.scene.textured import allow_texture, texture_of
 from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, check_product, key
 
 Distribution = Literal["ggx", "beckmann"]
@@ -29,6 +30,13 @@ class Material(Table):
     TRANSMITS: ClassVar[bool] = False  # light passes: the kernels then tell the front from the back
     type: str
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **unused: Any) -> None:
+        """Colours and numbers that the device gets under their own name may be textures."""
+        for name, width in cls.PARAMETERS:
+            if name in cls.model_fields and cls.model_fields[name].annotation is not bool:
+                allow_texture(cls.model_fields[name], width)
+
     def switches(self) -> frozenset[str]:
         """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""
         return frozenset({"transmission"} if self.TRANSMITS else ())
@@ -40,8 +48,14 @@ class Material(Table):
         ]
 
     def parameter(self, name: str) -> Any:
-        """One device parameter; a material whose file keys differ from it overrides this."""
+        """One device parameter; a material whose file keys differ from it overrides this. It must be proportional to
+        the key of the same name: a texture in the place of a key counts as 1 here and scales what comes out."""
         return getattr(self, name)
+
+    def textures(self) -> dict[str, str]:
+        """Textured device parameters: name to name of the texture."""
+        found = {name: texture_of(getattr(self, name, None)) for name, _ in self.PARAMETERS}
+        return {name: texture for name, texture in found.items() if texture is not None}
 
 
 class Emissive(Material):

@@ -17,7 +17,7 @@ def read_text(path: Path) -> str:
     """The text of a scene file. Raises SceneError: unreadable, too large, not UTF-8, no known suffix."""
     suffix = path.suffix.lower()
     if suffix not in LIMITS:
-        wanted = "a scene file that ends in .toml or .json"
+        wanted = "a scene file that ends in .toml, .json or .xml"
         raise SceneError([Problem("", f"the suffix {suffix!r}", wanted, file=_shown(path))])
     data = read_bounded(path, LIMITS[suffix], "a scene file (.toml or .json)")
     try:

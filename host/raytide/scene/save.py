@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import option_of
-from raytide.scene.shapes import Mesh
+from raytide.scene.textured import texture_of
 
 if TYPE_CHECKING:
     from raytide.scene.scene import Scene
@@ -21,14 +21,14 @@ WRITERS = (".toml", ".json")
 
 
 def save_scene(scene: Scene, path: Path) -> Path:
-    """Write `scene` as TOML or JSON by suffix; mesh paths become relative to the new file.
+    """Write `scene` as TOML or JSON by suffix; paths of files become relative to the new file.
 
     An existing file is replaced only by a finished one. Raises SceneError: another suffix, a file that cannot be made.
     """
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise SceneError([Problem("", f"the suffix {suffix!r}", f"one of {', '.join(WRITERS)}", file=str(path))])
-    tables = tables_of(scene, lambda shape: _moved_path(scene, shape, path))
+    tables = tables_of(scene, lambda name: _moved_path(scene, name, path))
     if suffix == ".toml":
         import tomli_w
 
@@ -42,18 +42,16 @@ def save_scene(scene: Scene, path: Path) -> Path:
     except (OSError, ValueError) as error:
         came = f"a place that cannot be written ({getattr(error, 'strerror', None) or error})"
         raise SceneError([Problem("", came, "a writable folder", file=str(path))]) from None
-    outside = [
-        name for name, table in tables.get("objects", {}).items() if str(table.get("mesh", "")).startswith("../")
-    ]
+    outside = [name for name, table, key in _files(tables) if table[key].startswith("../")]
     if outside:
         import logging
 
-        words = "%s: objects %s name files outside its folder: loading it needs allow_outside"
+        words = "%s: %s name files outside its folder: loading it needs allow_outside"
         logging.getLogger(__name__).warning(words, path, ", ".join(outside))
     return path
 
 
-def tables_of(scene: Scene, mesh_name: Callable[[Mesh], str | None] | None = None) -> dict[str, Any]:
+def tables_of(scene: Scene, file_name: Callable[[str], str] | None = None) -> dict[str, Any]:
     """The scene as raw tables: the keys that were set, each table with its type."""
     from raytide.scene.scene import FORMAT
 
@@ -61,15 +59,22 @@ def tables_of(scene: Scene, mesh_name: Callable[[Mesh], str | None] | None = Non
     render = table_of(scene.render)
     if render:
         tables["render"] = render
-    for group in ("materials", "objects", "lights"):
+    for group in ("textures", "materials", "objects", "lights"):
         models = getattr(scene, group)
         if models:
             tables[group] = {name: table_of(model) for name, model in models.items()}
-    if mesh_name:
-        for name, shape in scene.objects.items():
-            if isinstance(shape, Mesh) and shape.mesh is not None:
-                tables["objects"][name]["mesh"] = mesh_name(shape)
+    if file_name:
+        for _, table, key in _files(tables):
+            table[key] = file_name(table[key])
     return tables
+
+
+def _files(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """(`group name`, table, key) of every file that the scene names."""
+    for group, key in (("objects", "mesh"), ("textures", "file"), ("lights", "file")):
+        for name, table in tables.get(group, {}).items():
+            if table.get(key) is not None:
+                yield f"{group} {name}", table, key
 
 
 def table_of(model: BaseModel) -> dict[str, Any]:
@@ -78,6 +83,9 @@ def table_of(model: BaseModel) -> dict[str, Any]:
     for name in type(model).model_fields:
         value = getattr(model, name)
         if value is None or (name not in model.model_fields_set and name != "type"):
+            continue
+        if texture_of(value) is not None:
+            table[name] = texture_of(value)
             continue
         grey = option_of(type(model), name).type == "a number or [r, g, b]" and len(set(value)) == 1
         table[name] = value[0] if grey else _plain(value)
@@ -92,13 +100,13 @@ def _plain(value: Any) -> Any:
     return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
-def _moved_path(scene: Scene, shape: Mesh, target: Path) -> str | None:
-    """The mesh's file as seen from the folder of `target`."""
+def _moved_path(scene: Scene, name: str, target: Path) -> str:
+    """A file of the scene as seen from the folder of `target`."""
     try:
-        source = scene.mesh_path(shape).resolve()
+        source = scene.file_path(name).resolve()
         return Path(os.path.relpath(source, target.resolve().parent)).as_posix()
     except (OSError, ValueError):  # not allowed, or another drive: kept as it was given
-        return shape.mesh
+        return name
 
 
 def _replace(path: Path, data: bytes) -> None:

@@ -15,9 +15,11 @@ from raytide.scene.materials import MATERIALS, Material
 from raytide.scene.model import Table
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import SHAPES, Mesh, Shape
+from raytide.scene.textures import TEXTURES, Texture
 
 if TYPE_CHECKING:
     from raytide.importers.geometry import MeshData
+    from raytide.importers.picture import Picture
     from raytide.scene.flatten import FlatScene
 
 FORMAT = 1
@@ -25,10 +27,11 @@ LONGEST_NAME = 200
 
 
 class Scene:
-    """Camera, settings, and named materials, objects and lights.
+    """Camera, settings, and named textures, materials, objects and lights.
 
     `folder` is where relative mesh paths start (default: the current folder). A scene made by a script may read any
-    file; one loaded from a file stays inside its folder unless told otherwise.
+    file; one loaded from a file stays inside its folder unless told otherwise. `notes` are warnings of what the scene
+    was made from.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class Scene:
         allow_outside: bool = True,
     ) -> None:
         """Raises SceneError for a wrong camera or wrong settings."""
+        self.textures: dict[str, Texture] = {}
         self.materials: dict[str, Material] = {}
         self.objects: dict[str, Shape] = {}
         self.lights: dict[str, Light] = {}
@@ -48,7 +52,9 @@ class Scene:
         self.origins: dict[str, str] = {}
         self.camera = camera  # type: ignore[assignment]
         self.render = render if render is not None else RenderSettings()  # type: ignore[assignment]
-        self._meshes: dict[tuple[str, int, int], MeshData] = {}
+        self.notes: list[str] = []
+        self._meshes: dict[tuple[str, int, int, int], MeshData] = {}
+        self._pictures: dict[tuple[str, int, int], Picture] = {}
 
     @property
     def camera(self) -> Camera:
@@ -73,9 +79,9 @@ class Scene:
         self._render = RenderSettings(**value) if isinstance(value, dict) else value
 
     def add(
-        self, thing: Shape | Light, material: Material | str | None = None, *, name: str | None = None
-    ) -> ObjectView | Light:
-        """Add a shape with its material (a model or the name of one that is there), or a light.
+        self, thing: Shape | Light | Texture, material: Material | str | None = None, *, name: str | None = None
+    ) -> ObjectView | Light | Texture:
+        """Add a shape with its material (a model or the name of one that is there), a light, or a texture.
 
         Without `name`, the type and a number make one. Raises SceneError: a taken or bad name, an unknown material.
         """
@@ -83,8 +89,11 @@ class Scene:
             chosen = self._new_name(name, thing.type, self.lights)
             self.lights[chosen] = thing
             return thing
+        if isinstance(thing, Texture):
+            self.textures[self._new_name(name, thing.type, self.textures)] = thing
+            return thing
         if not isinstance(thing, Shape):
-            raise SceneError([Problem("add", value_words(thing), "a shape or a light")])
+            raise SceneError([Problem("add", value_words(thing), "a shape, a light or a texture")])
         chosen = self._new_name(name, thing.type, self.objects)
         wanted = material if material is not None else thing.material
         self.objects[chosen] = thing.changed(material=self._name_of(wanted, chosen))
@@ -93,11 +102,11 @@ class Scene:
     def _new_name(self, name: str | None, kind: str, taken: dict[str, Any]) -> str:
         if name is None:
             number = 1
-            while f"{kind}{number}" in self.objects or f"{kind}{number}" in self.lights:
+            while f"{kind}{number}" in self.objects or f"{kind}{number}" in taken or f"{kind}{number}" in self.lights:
                 number += 1
             return f"{kind}{number}"
         fault = name_fault(name)
-        if fault or name in self.objects or name in self.lights:
+        if fault or name in taken or (taken is not self.textures and (name in self.objects or name in self.lights)):
             raise SceneError([Problem("name", value_words(name), fault or "a name that is not taken")])
         return name
 
@@ -147,9 +156,7 @@ class Scene:
 
     def mesh_path(self, shape: Mesh) -> Path:
         """The file of a mesh. Raises ValueError where its path is not allowed."""
-        from raytide.importers.files import resolve_inside
-
-        return resolve_inside(shape.mesh or "", self.folder, self.allow_outside)
+        return self.file_path(shape.mesh or "")
 
     def mesh_data(self, shape: Mesh) -> MeshData:
         """Vertices and triangles of a mesh in its own space, read once for each version of the file.
@@ -159,16 +166,32 @@ class Scene:
         from raytide.importers.geometry import MeshData, load_mesh
 
         if shape.mesh is None:
-            return MeshData.inline(shape.vertices, shape.faces)
+            return MeshData.inline(shape.vertices, shape.faces, shape.uv).turned(flip=shape.flip, flip_v=shape.flip_v)
         path = self.mesh_path(shape)
-        try:
-            facts = path.stat()
-            version = (str(path), facts.st_mtime_ns, facts.st_size)
-        except (OSError, ValueError):
-            version = (str(path), 0, 0)
+        version = (*_version_of(path), shape.part)
         if version not in self._meshes:
-            self._meshes[version] = load_mesh(path)
-        return self._meshes[version]
+            self._meshes[version] = load_mesh(path, shape.part)
+        mesh = self._meshes[version]
+        return mesh.turned(flip=shape.flip, flip_v=shape.flip_v) if shape.flip or shape.flip_v else mesh
+
+    def file_path(self, name: str) -> Path:
+        """A file that the scene names. Raises ValueError where its path is not allowed."""
+        from raytide.importers.files import resolve_inside
+
+        return resolve_inside(name, self.folder, self.allow_outside)
+
+    def picture(self, name: str) -> Picture:
+        """The texels of a picture file, read once for each version of it.
+
+        Raises SceneError (the file) or ValueError (a path that is not allowed).
+        """
+        from raytide.importers.picture import load_picture
+
+        path = self.file_path(name)
+        version = _version_of(path)
+        if version not in self._pictures:
+            self._pictures[version] = load_picture(path)
+        return self._pictures[version]
 
     def problems(self) -> list[Problem]:
         """Everything that keeps this scene from being rendered: references, transforms, files."""
@@ -195,7 +218,7 @@ class Scene:
         return save_scene(self, Path(path))
 
     def sha256(self, *, with_render: bool = False) -> str:
-        """Hash of what the scene shows: camera, materials, objects with the bytes of their meshes, lights."""
+        """Hash of what the scene shows: camera, textures, materials, objects with the bytes of their files, lights."""
         from raytide.scene.digest import scene_digest
 
         return scene_digest(self, with_render)
@@ -246,6 +269,15 @@ class ObjectView:
         return f"<{self._name}: {self.shape!r}>"
 
 
+def _version_of(path: Path) -> tuple[str, int, int]:
+    """Tells versions of a file apart: name, time of change, size."""
+    try:
+        facts = path.stat()
+        return (str(path), facts.st_mtime_ns, facts.st_size)
+    except (OSError, ValueError):
+        return (str(path), 0, 0)
+
+
 def name_fault(name: object) -> str | None:
     """What a name should have been, or None for a good one."""
     if isinstance(name, str) and 0 < len(name) <= LONGEST_NAME and name.isprintable():
@@ -277,4 +309,9 @@ def make_table(group: str, value: Any, classes: dict[str, type[Any]]) -> Table:
     return classes[kind](**{**value, "type": kind})
 
 
-GROUPS: dict[str, dict[str, type[Any]]] = {"materials": MATERIALS, "objects": SHAPES, "lights": LIGHTS}
+GROUPS: dict[str, dict[str, type[Any]]] = {
+    "textures": TEXTURES,
+    "materials": MATERIALS,
+    "objects": SHAPES,
+    "lights": LIGHTS,
+}

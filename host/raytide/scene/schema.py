@@ -11,6 +11,7 @@ from raytide.scene.kinds import GROUPS
 from raytide.scene.scene import FORMAT
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import SHAPES
+from raytide.scene.textured import may_be_textured
 
 
 def json_schema() -> dict[str, Any]:
@@ -21,8 +22,12 @@ def json_schema() -> dict[str, Any]:
     for group, kinds in GROUPS.items():
         for kind, model in kinds.items():
             entry = definitions[names[(model, "validation")]["$ref"].split("/")[-1]]
-            if group in ("materials", "lights") or model in SHAPES.values() and kind != "mesh":
+            if group in ("textures", "materials", "lights") or model in SHAPES.values() and kind != "mesh":
                 entry.setdefault("required", []).append("type")
+            for name in (name for name, field in model.model_fields.items() if may_be_textured(field)):
+                plain = entry["properties"][name]
+                kept = {word: plain.pop(word) for word in ("default", "description", "title", "unit") if word in plain}
+                entry["properties"][name] = {"anyOf": [plain, {"type": "string"}], **kept}
             if model in SHAPES.values():
                 entry.setdefault("required", []).append("material")
 
@@ -46,4 +51,4 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-_TABLES = {"materials": "materials", "objects": "shapes", "lights": "lights"}
+_TABLES = {"textures": "textures", "materials": "materials", "objects": "shapes", "lights": "lights"}

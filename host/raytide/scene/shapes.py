@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
 from raytide.errors import Problem, SceneError
-from raytide.scene.arrays import as_faces, as_vertices
+from raytide.scene.arrays import as_faces, as_uv, as_vertices
 from raytide.scene.model import Table
 from raytide.scene.transform import Step, is_mirror, move_normals, move_points, tangents_of
-from raytide.scene.values import SMALLEST, Direction, Flag, Kind, Number, Point, key
+from raytide.scene.values import SMALLEST, Count, Direction, Flag, Kind, Number, Point, key
 
 SIMILAR = 1e-9  # relative spread of stretches up to which a transform keeps spheres round
 
@@ -173,23 +173,37 @@ Faces = Annotated[
     Kind("a list of [a, b, c], indices of vertices"),
     WithJsonSchema({"type": "array", "items": {"type": "array", "items": {"type": "integer", "minimum": 0}}}),
 ]
+TextureCoordinates = Annotated[
+    np.ndarray,
+    BeforeValidator(as_uv),
+    PlainSerializer(_listed),
+    Kind("a list of [u, v], one for each vertex"),
+    WithJsonSchema({"type": "array", "items": {"type": "array", "items": {"type": "number"}}}),
+]
 
 
 class Mesh(Shape):
-    """Triangles from a file (OBJ, PLY, STL, glTF, GLB), or vertices and faces in the scene itself."""
+    """Triangles from a file (OBJ, PLY, STL, glTF, GLB, .serialized), or vertices and faces in the scene itself."""
 
     FIRST: ClassVar[str] = "mesh"
     type: Literal["mesh"] = "mesh"
     mesh: str | None = key(None, doc="geometry file, relative to the scene file")
     vertices: Vertices | None = key(None, unit="m", doc="points of an inline mesh")
     faces: Faces | None = key(None, doc="triangles of an inline mesh; the front is where they run counter-clockwise")
+    uv: TextureCoordinates | None = key(None, doc="texture coordinates of an inline mesh")
     smooth: Flag = key(False, doc="interpolate normals: the file's, else angle-weighted ones")
+    part: Count = key(0, low=0, doc="which mesh of a .serialized file")
+    flip: Flag = key(False, doc="front and back exchanged, normals turned round")
+    flip_v: Flag = key(False, doc="texture coordinates counted from the other side: 1 - v")
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = [name for name in ("mesh", "vertices", "faces") if getattr(self, name) is not None]
         if given not in (["mesh"], ["vertices", "faces"]):
             raise ValueError(f"came {' and '.join(given) or 'no geometry'}; wanted mesh, or both vertices and faces")
+        if self.uv is not None and (self.vertices is None or len(self.uv) != len(self.vertices)):
+            count = "no vertices" if self.vertices is None else f"{len(self.vertices)} vertices"
+            raise ValueError(f"came {len(self.uv)} texture coordinates beside {count}; wanted uv for each vertex")
         if self.faces is None or self.vertices is None or not len(self.faces):
             return self
         wrong = np.flatnonzero((self.faces >= len(self.vertices)).any(axis=1))

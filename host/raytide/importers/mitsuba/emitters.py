@@ -1,0 +1,141 @@
+"""Emitters: raytide's lights, and materials that shine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from raytide.importers.mitsuba.bsdfs import Table, material_of, unknown_plugin
+from raytide.importers.mitsuba.build import Build
+from raytide.importers.mitsuba.document import Plugin
+from raytide.importers.mitsuba.reader import Reader
+
+OTHERS = ("directionalarea", "projector", "timed_sunsky", "volumelight")
+
+
+def glowing_material(build: Build, emitter: Plugin, bsdf: Plugin | None, shape: Plugin) -> str:
+    """The material of a shape that shines; what it reflects too is the BSDF's."""
+    if emitter.type != "area":
+        known = ("area",)
+        unknown_plugin(build, emitter, known, (*OTHERS, *LIGHTS))
+        return material_of(build, bsdf, shape)
+    reader = Reader(build, emitter)
+    reader.ignore("id", "sampling_weight")
+    build.textured = False
+    radiance = reader.emission("radiance", textured=True)
+    textured = build.textured
+    reader.refuse("to_world", "the shape has one")
+    reader.finish()
+    key = (id(emitter), id(bsdf) if bsdf else 0, int(build.upside_down), 1)
+    if key in build.materials:
+        return build.materials[key]
+    build.kept += [emitter] if bsdf is None else [emitter, bsdf]
+    table: Table = {"type": "emissive", "radiance": radiance}
+    base = material_of(build, bsdf, shape)
+    if build.has("materials", "emissive", "base"):
+        if not _is_black(build, base):
+            table["base"] = base
+    elif not _is_black(build, base):
+        reader.warn("the shape shines but does not reflect in raytide; its BSDF is left out")
+    name = f"{emitter.id or (bsdf.id if bsdf and bsdf.id else shape.id) or shape.type}_light"
+    build.materials[key] = build.put("materials", table, emitter, name)
+    if textured or base in build.painted:
+        build.painted.add(build.materials[key])
+    return build.materials[key]
+
+
+def _is_black(build: Build, name: str) -> bool:
+    table = build.tables.get("materials", {}).get(name, {})
+    return table.get("type") == "diffuse" and table.get("reflectance") == [0.0] * 3
+
+
+def read_emitter(build: Build, plugin: Plugin) -> None:
+    """Add a light that is no shape."""
+    if plugin.type == "area":
+        if plugin.id is None:
+            build.report.add(plugin.element, plugin.words, "an area emitter outside a shape", "one inside a <shape>")
+        return  # with an id it is there to be referred to
+    if plugin.type not in LIGHTS:
+        unknown_plugin(build, plugin, ("area", *LIGHTS), OTHERS)
+        return
+    reader = Reader(build, plugin)
+    reader.ignore("id", "sampling_weight")
+    table = LIGHTS[plugin.type](reader)
+    reader.finish()
+    if table is not None:
+        build.put("lights", table, plugin)
+
+
+def _point(reader: Reader) -> Table:
+    if reader.given("position") and reader.given("to_world"):
+        reader.problem("position", "it beside to_world", "one or the other")
+    place = reader.vector("position", reader.matrix()[:3, 3].tolist())
+    return {"type": "point", "position": place, "intensity": reader.emission("intensity")}
+
+
+def _spot(reader: Reader) -> Table:
+    matrix = reader.matrix()
+    cutoff = reader.number("cutoff_angle", 20.0)
+    table: Table = {
+        "type": "spot", "position": matrix[:3, 3].tolist(), "target": (matrix[:3, 3] + _ahead(matrix)).tolist(),
+        "intensity": reader.emission("intensity"), "cutoff": cutoff,
+        "falloff_start": reader.number("beam_width", 0.75 * cutoff),
+    }  # fmt: skip
+    if not 0 <= table["falloff_start"] <= cutoff:
+        reader.problem("beam_width", f"{table['falloff_start']:g}", f"an angle from 0 to the cutoff of {cutoff:g}")
+    item = reader.find("texture", ("object",))
+    if item is not None:
+        if reader.build.has("lights", "spot", "texture"):
+            table["texture"] = reader.build.textures.value(reader, "texture", item, colour=True)
+            table["up"] = (matrix[:3, 1] / np.linalg.norm(matrix[:3, 1])).tolist()
+        else:
+            reader.lacks("a textured spot", "a spot without texture", "texture")
+    return table
+
+
+def _ahead(matrix: np.ndarray) -> np.ndarray:
+    """Unit direction of +z."""
+    forward = matrix[:3, 2]
+    length = math.hypot(*forward)
+    return forward / length if length > 0 else np.array([0.0, 0.0, 1.0])
+
+
+def _directional(reader: Reader) -> Table:
+    if reader.given("direction") and reader.given("to_world"):
+        reader.problem("direction", "it beside to_world", "one or the other")
+    way = reader.vector("direction", _ahead(reader.matrix()).tolist())
+    return {"type": "directional", "direction": way, "irradiance": reader.emission("irradiance")}
+
+
+def _constant(reader: Reader) -> Table:
+    return {"type": "environment", "radiance": reader.emission("radiance")}
+
+
+def _envmap(reader: Reader) -> Table | None:
+    path, scale = reader.file(), reader.number("scale", 1.0)
+    matrix = reader.matrix()
+    reader.ignore("mis_compensation")
+    reader.refuse("bitmap", "pictures made by a program")
+    if path is None:
+        return None
+    return reader.build.textures.environment(reader, path, scale, matrix)
+
+
+def _sunsky(reader: Reader) -> Table | None:
+    reader.lacks("the emitter 'sunsky'", "constant, envmap or directional")
+    for name in list(reader.plugin.properties):
+        reader.ignore(name)
+    return None
+
+
+LIGHTS: dict[str, Callable[[Reader], Any]] = {
+    "constant": _constant,
+    "directional": _directional,
+    "envmap": _envmap,
+    "point": _point,
+    "spot": _spot,
+    "sunsky": _sunsky,
+}

@@ -1,0 +1,75 @@
+"""What a flattened scene holds for textures: pictures, and what meshes carry for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from raytide.importers.meshdata import MeshData
+from raytide.scene.lights import EnvironmentLight
+from raytide.scene.textures import Bitmap, Texture
+
+if TYPE_CHECKING:
+    from raytide.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Painted:
+    """Of one mesh: texture coordinates uv (V, 2), colours of vertices (V, 3) and of triangles (T, 3), or None."""
+
+    vertex_count: int
+    triangle_count: int
+    uv: np.ndarray | None = None
+    colors: np.ndarray | None = None
+    face_colors: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, mesh: MeshData) -> Painted:
+        """Everything that a mesh carries."""
+        return cls(len(mesh.vertices), len(mesh.triangles), mesh.uv, mesh.colors, mesh.face_colors)
+
+    def faces(self, kept: np.ndarray) -> Painted:
+        """With only the triangles of a mask (T,) bool."""
+        colors = None if self.face_colors is None else self.face_colors[kept]
+        return replace(self, triangle_count=int(np.count_nonzero(kept)), face_colors=colors)
+
+
+@dataclass(frozen=True)
+class FlatTextures:
+    """`models` by name; texels (h, w, 3) of bitmaps by name, uint8 or float32, and of the sky; of all vertices of the
+    scene uv (V, 2) and colors (V, 3), of all triangles face_colors (T, 3), float64, or None where no mesh has them."""
+
+    models: dict[str, Texture] = field(default_factory=dict)
+    texels: dict[str, np.ndarray] = field(default_factory=dict)
+    sky: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    colors: np.ndarray | None = None
+    face_colors: np.ndarray | None = None
+
+
+def flat_textures(scene: Scene, meshes: list[Painted]) -> FlatTextures:
+    """Textures that objects use, and what their meshes, in order, carry for them. Raises SceneError for a file."""
+    materials = (scene.materials[shape.material or ""] for shape in scene.objects.values())
+    used = sorted({name for material in materials for name in material.textures().values()})
+    models = {name: scene.textures[name] for name in used}
+    skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]
+    sky = scene.picture(skies[0]).texels if skies else None
+    if not models:
+        return FlatTextures(sky=sky)
+    return FlatTextures(
+        models=models,
+        texels={name: scene.picture(model.file).texels for name, model in models.items() if isinstance(model, Bitmap)},
+        sky=sky,
+        uv=_joined([(mesh.uv, mesh.vertex_count) for mesh in meshes], 2),
+        colors=_joined([(mesh.colors, mesh.vertex_count) for mesh in meshes], 3),
+        face_colors=_joined([(mesh.face_colors, mesh.triangle_count) for mesh in meshes], 3),
+    )
+
+
+def _joined(parts: list[tuple[np.ndarray | None, int]], width: int) -> np.ndarray | None:
+    """All rows in order, zeros for a part without; None where no part has any."""
+    if all(rows is None for rows, _ in parts):
+        return None
+    return np.concatenate([np.zeros((count, width)) if rows is None else rows for rows, count in parts])
