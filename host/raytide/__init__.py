@@ -16,8 +16,9 @@ from typing import Any
 
 _HOMES = {
     "raytide.scene": (
-        "Box Camera Dielectric Diffuse Disk Emit Glossy Mesh Mirror Orthographic Plane Rectangle RenderSettings "
-        "RoughConductor Scene Sphere ThinLens box directional disk load mesh plane point rect sky sphere spot"
+        "Box Camera Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane Rectangle "
+        "RenderSettings RoughConductor Scene Sphere ThinLens box directional disk instance load mesh plane point rect "
+        "sky sphere spot"
     ),
     "raytide.device": "list_devices pick",
     "raytide.render": "Film Renderer",

@@ -3,7 +3,7 @@
 `load` reads a file, `Scene` is what scripts build and edit, `Scene.flatten()` is what a renderer takes.
 """
 
-from raytide.scene.builders import box, directional, disk, mesh, plane, point, rect, sky, sphere, spot
+from raytide.scene.builders import box, directional, disk, instance, mesh, plane, point, rect, sky, sphere, spot
 from raytide.scene.camera import Orthographic, ThinLens
 from raytide.scene.camera import Pinhole as Camera
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
@@ -12,7 +12,7 @@ from raytide.scene.materials import Dielectric, Diffuse, Emissive, Glossy, Mirro
 from raytide.scene.materials import Emissive as Emit
 from raytide.scene.scene import Scene
 from raytide.scene.settings import RenderSettings
-from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
+from raytide.scene.shapes import Box, Disk, Instance, Mesh, Plane, Rectangle, Sphere
 
 __all__ = [
     "Box",
@@ -25,6 +25,7 @@ __all__ = [
     "Emit",
     "EnvironmentLight",
     "Glossy",
+    "Instance",
     "Mesh",
     "Mirror",
     "Orthographic",
@@ -41,6 +42,7 @@ __all__ = [
     "directional",
     "disk",
     "from_tables",
+    "instance",
     "load",
     "mesh",
     "plane",

@@ -7,7 +7,7 @@ from typing import Any
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
-from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
+from raytide.scene.shapes import Box, Disk, Instance, Mesh, Plane, Rectangle, Sphere
 
 
 def sphere(center: Any = (0, 0, 0), radius: float = 1.0) -> Sphere:
@@ -42,6 +42,11 @@ def mesh(
     if file is not None:
         return Mesh(mesh=os.fspath(file), smooth=smooth)
     return Mesh(vertices=vertices, faces=faces, smooth=smooth)
+
+
+def instance(of: Any) -> Instance:
+    """An object of the scene once more: its name, or what `scene.add` or `scene[name]` gave. Raises SceneError."""
+    return Instance(of=of if isinstance(of, str) else getattr(of, "name", of))
 
 
 def point(position: Any, intensity: Any) -> PointLight:

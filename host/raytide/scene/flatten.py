@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +11,15 @@ from raytide.errors import SceneError
 from raytide.importers.limits import LARGEST, SMALLEST
 from raytide.importers.meshdata import MeshData, longest_edges
 from raytide.scene.camera import Camera
+from raytide.scene.instances import shown_objects
 from raytide.scene.lights import Light
 from raytide.scene.materials import Material
 from raytide.scene.normals import smooth_normals
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import Mesh
-from raytide.scene.transform import is_mirror, matrix_of, move_normals, move_points
+from raytide.scene.shared import FlatInstance, FlatMesh, shared_meshes
+from raytide.scene.transform import is_mirror, move_normals, move_points
+from raytide.scene.values import RAY_KINDS
 
 if TYPE_CHECKING:
     from raytide.scene.scene import Scene
@@ -39,9 +42,10 @@ class FlatShape:
 
 @dataclass(frozen=True)
 class FlatObject:
-    """One object of the scene: its material, and its triangles or its shape (-1 for a mesh).
+    """One object of the scene: its material, and its triangles, its shape or its instance (-1 where it has none).
 
-    `flipped`: its transform mirrors; normals and winding here are already right.
+    `flipped`: its transform mirrors; normals and winding of its triangles here are already right. `visible_to`: the
+    kinds of ray that meet it; an object that none meets has nothing here but its name.
     """
 
     name: str
@@ -50,6 +54,8 @@ class FlatObject:
     triangle_count: int
     shape: int
     flipped: bool
+    instance: int = -1
+    visible_to: tuple[str, ...] = RAY_KINDS
 
 
 @dataclass(frozen=True)
@@ -59,6 +65,7 @@ class FlatScene:
     vertices (V, 3) float64 [m]; triangles (T, 3) uint32, counter-clockwise seen from the front; triangle_object (T,)
     uint32; normals (V, 3) float64, unit or zero (the geometric normal stands in), or None where no mesh is smooth.
     Objects are in file order, an object's triangles are contiguous. The id of triangle i is i, of shape j it is T + j.
+    Instances are in the order of their meshes; their triangles have the ids after all shapes, one after the other.
     """
 
     vertices: np.ndarray
@@ -74,6 +81,8 @@ class FlatScene:
     camera: Camera
     render: RenderSettings
     warnings: list[str]
+    meshes: list[FlatMesh] = field(default_factory=list)
+    instances: list[FlatInstance] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -85,29 +94,38 @@ class _Piece:
     normals: np.ndarray | None
 
 
-def flatten_scene(scene: Scene) -> FlatScene:
-    """All objects in world space. Raises SceneError with all problems of the scene."""
+def flatten_scene(scene: Scene, share: bool = True) -> FlatScene:
+    """All objects in world space; without `share` every instance gets triangles of its own. Raises SceneError with all
+    problems of the scene."""
     problems = scene.problems()
     if problems:
         raise SceneError(problems)
-    names = list(scene.materials)
+    places = {name: place for place, name in enumerate(scene.materials)}
     shapes: list[FlatShape] = []
     objects: list[FlatObject] = []
     pieces: list[_Piece] = []
     warnings = scene.warnings()
+    shown, _ = shown_objects(scene.objects)
+    meshes, instances = shared_meshes(scene, shown, warnings) if share else ([], [])
+    instance_of = {instance.object: place for place, instance in enumerate(instances)}
     first = 0
     for index, (name, shape) in enumerate(scene.objects.items()):
-        matrix = matrix_of(shape.transform)
+        bare, matrix = shown[name].shape, shown[name].matrix
         count, place = 0, -1
-        if isinstance(shape, Mesh):
-            piece = _placed_mesh(scene.mesh_data(shape), matrix, shape.smooth, name, warnings)
-            pieces.append(piece)
-            count = len(piece.triangles)
-        else:
-            place = len(shapes)
-            shapes.append(FlatShape(shape.type, index, *shape.placed(matrix)))
-        material = names.index(shape.material or "")
-        objects.append(FlatObject(name, material, first, count, place, is_mirror(matrix)))
+        if shape.visible_to and index not in instance_of:
+            if isinstance(bare, Mesh):
+                piece = _placed_mesh(scene.mesh_data(bare), matrix, bare.smooth, name, warnings)
+                pieces.append(piece)
+                count = len(piece.triangles)
+            else:
+                place = len(shapes)
+                shapes.append(FlatShape(bare.type, index, *bare.placed(matrix)))
+        objects.append(
+            FlatObject(
+                name, places[shown[name].material or ""], first, count, place, is_mirror(matrix),
+                instance_of.get(index, -1), shape.visible_to,
+            )
+        )  # fmt: skip
         first += count
     vertices, triangles, normals = _joined(pieces)
     counts = [thing.triangle_count for thing in objects]
@@ -119,12 +137,14 @@ def flatten_scene(scene: Scene) -> FlatScene:
         shapes=shapes,
         objects=objects,
         materials=list(scene.materials.values()),
-        material_names=names,
+        material_names=list(places),
         lights=list(scene.lights.values()),
         light_names=list(scene.lights),
         camera=scene.camera,
         render=scene.render,
         warnings=warnings,
+        meshes=meshes,
+        instances=instances,
     )
 
 

@@ -12,6 +12,8 @@ from raytide.scene.scene import FORMAT
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import SHAPES
 
+UNTYPED = ("mesh", "instance")  # objects that need no type: their keys tell it
+
 
 def json_schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of a scene file; TOML files mean the same tables."""
@@ -21,9 +23,9 @@ def json_schema() -> dict[str, Any]:
     for group, kinds in GROUPS.items():
         for kind, model in kinds.items():
             entry = definitions[names[(model, "validation")]["$ref"].split("/")[-1]]
-            if group in ("materials", "lights") or model in SHAPES.values() and kind != "mesh":
+            if group in ("materials", "lights") or model in SHAPES.values() and kind not in UNTYPED:
                 entry.setdefault("required", []).append("type")
-            if model in SHAPES.values():
+            if model in SHAPES.values() and kind != "instance":  # an instance may take its object's material
                 entry.setdefault("required", []).append("material")
 
     def one_of(kinds: dict[str, type[Any]]) -> dict[str, Any]:
