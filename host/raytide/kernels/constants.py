@@ -10,12 +10,18 @@ COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
+RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
+HIDDEN = 1 << 29  # the bits from here on in an object's number: the kinds of ray that do not meet it, in that order
+OBJECT = HIDDEN - 1
+
 _UNSIGNED = {
     "TILE_SIDE": TILE_SIDE,
     "TILE": TILE,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
     "COUNTER_EDGES": COUNTER_EDGES,
+    "OBJECT_MASK": OBJECT,
+    **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
 }
 

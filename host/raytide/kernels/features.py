@@ -44,6 +44,8 @@ class Features:
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
+    instances: bool = False  # meshes that several objects share
+    visibility: bool = False  # objects that some kinds of ray do not meet
     counters: bool = False  # instrumented build
 
     @property
