@@ -8,7 +8,7 @@
 #include "dispatch/shape.cl"
 
 // One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too. Triangles:
-// direction.xyz = unit normal, extra.y = area.
+// direction.xyz = unit normal, extra.y = area. extra.z != 0: only camera and shadow rays can meet it.
 
 #if HAS_TRIANGLES
 static float3 emitter_corner(const Geometry g, const uint vertex)
@@ -54,7 +54,11 @@ static LightSample emitter_sample(global const Light *l, const Geometry g, const
     out.to = to + ng * (front > 0.0f ? lift : -lift);
     out.radiance = xyz(l->radiance);
     out.pdf = shines ? pdf : 0.0f;
+#if HAS_VISIBILITY
+    out.delta = l->extra.z != 0.0f;  // rays that scatter never meet it: no other technique competes
+#else
     out.delta = 0u;
+#endif
     out.infinite = 0u;
     return out;
 }

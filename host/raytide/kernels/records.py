@@ -182,7 +182,7 @@ _TABLE = (
         ("float4", "position", "m", "xyz; w = probability of being picked"),
         ("float4", "direction", "", "unit; the way the light travels; emitting triangle: its normal"),
         ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance"),
-        ("float4", "extra", "", "spot: cosines, angles of cutoff, fall-off start; emitter: x two-sided, y area, z unmet"),
+        ("float4", "extra", "", "spot: cosines, angles of cutoff, fall-off; emitter: x two-sided, y area, z never met"),
     ),
     _record(
         "Camera",

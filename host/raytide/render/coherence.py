@@ -82,7 +82,8 @@ class _Observer:
             self.device.launch(
                 self.program, "coherence", self.workers, 1,
                 *geometry, queue, np.uint32(start * GROUP), np.uint32(run * GROUP), rays,
-                np.uint32(kind == "shadow"), np.uint32(self.workers), self.bitmaps, *map(np.uint32, self.words), results,
+                np.uint32(kind == "shadow"), np.uint32(self.workers), self.bitmaps, *map(np.uint32, self.words),
+                results,
             )  # fmt: skip
             rows.append(self.device.read(results, np.uint32, 4 * run).reshape(-1, 4))
         return np.concatenate(rows)

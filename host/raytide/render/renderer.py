@@ -94,7 +94,7 @@ class Renderer:
         self.frame = self.waves = None  # the old buffers go before the new ones come
         self.times = {stage: self.times[stage] for stage in ("open_device",) if stage in self.times}
         with self._timed("pack"):
-            self.flat: FlatScene = with_settings(self.scene.flatten(share=False), self.settings)
+            self.flat: FlatScene = with_settings(self.scene.flatten(), self.settings)
             self.scene_sha256 = self.scene.sha256()
             self.features: Features = features_of(self.flat, self.everything)
             self.packed: PackedScene = pack(self.flat, self.features)

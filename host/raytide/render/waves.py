@@ -67,7 +67,7 @@ class SceneBuffers:
         """`meshes` are records Mesh."""
         flat = packed.geometry
         self._visibility = features.visibility
-        self._geometry = (
+        self._geometry: tuple[Buffer | np.uint32, ...] = (
             *forest.buffers(device),
             device.upload(packed.triangles),
             device.upload(packed.vertices),
