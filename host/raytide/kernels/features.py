@@ -59,6 +59,7 @@ class Features:
             on |= {kind: kind in present for kind in kinds(group)}
         on["analytic"] = any(shape != "plane" for shape in self.shapes)
         on["lights"] = bool(self.lights)
+        on["triangles"] |= self.instances  # which are made of them
         return dict(sorted(on.items()))
 
     def left_out(self) -> list[str]:
