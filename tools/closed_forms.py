@@ -236,8 +236,9 @@ def furnace_checks() -> dict[str, list[Check]]:
     radius, intensity = scene["objects"]["shell"]["radius"], scene["lights"]["lamp"]["intensity"]
     bounces = scene["render"]["max_depth"] - 1
     value = intensity / (np.pi * radius**2) * rho * (1 - rho**bounces) / (1 - rho)
-    white = colour(read("furnace/furnace")["lights"]["sky"]["radiance"])
+    white, again = (colour(read(f"furnace/{name}")["lights"]["sky"]["radiance"]) for name in ("furnace", "instances"))
     return {"furnace": [Check((0, 0, 64, 64), white, "everything white in a white room", NOISY / 4)],
+            "instances": [Check((0, 0, 64, 64), again, "the same, however the mesh is turned and mirrored", NOISY / 4)],
             "sphere": [Check((0, 0, 64, 64), value, "rho I / (pi R^2) sum of rho^k, k < max_depth - 1", NOISY / 4),
                        Check((0, 0, 16, 16), value, "the same in every direction", NOISY)]}
 

@@ -52,7 +52,7 @@ def renders(path: str, overrides: list[str], options: argparse.Namespace) -> dic
 
     seconds = median([report["times_s"]["render"] for report in reports])
     rows: dict[str, object] = {
-        "triangles": scene.flatten().triangles.shape[0],
+        "triangles": scene.flatten(share=False).triangles.shape[0],
         "samples_per_s": samples / seconds,
         "mrays_per_s": median([r["rays"]["total"] / r["times_s"]["render"] / 1e6 for r in reports]),
         "bvh_s": reports[0]["tree"]["build_s"],

@@ -137,7 +137,7 @@ def main() -> None:
     mi.set_variant(options.variant)
     source = f"Mitsuba {mi.__version__} {options.variant}, path, {options.seeds} seeds x {options.spp} spp"
     for name in scene_names(options.names):
-        scene = build(mi, rt.load(SCENES / f"{name}.toml").flatten())
+        scene = build(mi, rt.load(SCENES / f"{name}.toml").flatten(share=False))
         images = np.stack([np.array(mi.render(scene, spp=options.spp, seed=1000 + seed))[..., :3]
                            for seed in range(options.seeds)])
         folder, stem = name.split("/")

@@ -44,21 +44,52 @@ typedef struct {
 #if HAS_TEXTURES
     Textures textures;  // only of kernels that shade
 #endif
+#if HAS_INSTANCES
+    global const Mesh *meshes;  // nodes and blocks of their trees come before the world's
+    uint mesh_count;
+    uint instance_first;        // shapes from here on are instances
+    uint root;                  // node
+    uint first_block;           // of the world's block_count
+#endif
+#if HAS_VISIBILITY
+    uint ray_kind;  // HIDDEN_FROM_*: what the rays are traced for
+#endif
 #if HAS_COUNTERS
     Visits *visits;
 #endif
 } Geometry;
+
+#if HAS_INSTANCES
+#define INSTANCE_ARGUMENTS                                                                                            \
+    , global const Mesh *meshes, const uint mesh_count, const uint instance_first, const uint root,                   \
+        const uint first_block
+#define OF_INSTANCE_ARGUMENTS , meshes, mesh_count, instance_first, root, first_block
+#else
+#define INSTANCE_ARGUMENTS
+#define OF_INSTANCE_ARGUMENTS
+#endif
+
+#if HAS_VISIBILITY
+#define KIND_ARGUMENT , const uint ray_kind
+#define OF_KIND_ARGUMENT , ray_kind
+#define OBJECT_OF(word) ((word) & OBJECT_MASK)
+#else
+#define KIND_ARGUMENT
+#define OF_KIND_ARGUMENT
+#define OBJECT_OF(word) (word)
+#endif
 
 // Parameters, in this order, of every kernel that knows the geometry; such a kernel starts with
 // `const Geometry g = GEOMETRY_OF_ARGUMENTS;`
 #define GEOMETRY_ARGUMENTS                                                                                            \
     global const Node *nodes, global const Block *blocks, global const Triangle *triangles,                           \
         global const Vertex *vertices, global const Normal *normals, global const Shape *shapes,                      \
-        const uint block_count, const uint triangle_count, const uint shape_count, const uint plane_count
+        const uint block_count, const uint triangle_count, const uint shape_count, const uint plane_count             \
+        INSTANCE_ARGUMENTS KIND_ARGUMENT
 
 #define GEOMETRY_OF_ARGUMENTS                                                                                         \
     geometry_of(nodes, blocks, triangles, vertices, normals, shapes, block_count, triangle_count, shape_count,        \
-                plane_count)
+                plane_count OF_INSTANCE_ARGUMENTS OF_KIND_ARGUMENT)
 
 static Geometry geometry_of(GEOMETRY_ARGUMENTS)
 {
@@ -73,6 +104,16 @@ static Geometry geometry_of(GEOMETRY_ARGUMENTS)
     g.triangle_count = triangle_count;
     g.shape_count = shape_count;
     g.plane_count = plane_count;
+#if HAS_INSTANCES
+    g.meshes = meshes;
+    g.mesh_count = mesh_count;
+    g.instance_first = instance_first;
+    g.root = root;
+    g.first_block = first_block;
+#endif
+#if HAS_VISIBILITY
+    g.ray_kind = ray_kind;
+#endif
 #if HAS_COUNTERS
     g.visits = 0;
 #endif
@@ -99,6 +140,44 @@ static Geometry geometry_with_textures(const Geometry g, global const Texture *t
 #else
 #define GEOMETRY_AND_TEXTURES GEOMETRY_OF_ARGUMENTS
 #endif
+// Where the world begins in the arrays of nodes and blocks.
+static uint world_root(const Geometry g)
+{
+#if HAS_INSTANCES
+    return g.root;
+#else
+    return 0u;
+#endif
+}
+
+static uint world_block(const Geometry g)
+{
+#if HAS_INSTANCES
+    return g.first_block;
+#else
+    return 0u;
+#endif
+}
+
+// One past the last shape that is no instance.
+static uint shape_end(const Geometry g)
+{
+#if HAS_INSTANCES
+    return g.instance_first;
+#else
+    return g.shape_count;
+#endif
+}
+
+// Whether the object of a triangle or shape, with its HIDDEN_FROM_* bits, is not there for these rays.
+static int is_hidden(const Geometry g, const uint object)
+{
+#if HAS_VISIBILITY
+    return (object & g.ray_kind) != 0u;
+#else
+    return 0;
+#endif
+}
 
 // A point on a surface.
 typedef struct {

@@ -21,6 +21,10 @@ typedef struct {
 #if HAS_TRIANGLES
     Shear shear;
 #endif
+#if HAS_INSTANCES
+    uint first;   // what is added to the ids of triangles
+    float least;  // no hit is nearer
+#endif
 } Query;
 
 static int better(const Closest *best, const float t, const uint prim)
@@ -54,6 +58,18 @@ ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane
     return met ? max_of(depth / q->shear.length_z, enter * NEAR_SCALE) : NO_HIT;
 }
 
+#if HAS_VISIBILITY
+// Instances were asked for their visibility before; their triangles have none of their own.
+static int in_instance(const Query *q)
+{
+#if HAS_INSTANCES
+    return q->first != 0u;
+#else
+    return 0;
+#endif
+}
+#endif
+
 // 1 if the ray met a triangle of the block that beats `best`, which it then becomes.
 static int visit_block(const Geometry g, const Query *q, const uint index, Closest *best)
 {
@@ -69,8 +85,17 @@ static int visit_block(const Geometry g, const Query *q, const uint index, Close
     int found = 0;
     for (; mask != 0u; mask &= mask - 1u) {
         const uint lane = ctz_of(mask);
-        const uint prim = ((global const uint *)&block->prim)[lane];
-        const float t = triangle_t(block, lane, q, depths[lane], best->t);
+        uint prim = ((global const uint *)&block->prim)[lane];
+        float t = triangle_t(block, lane, q, depths[lane], best->t);
+#if HAS_VISIBILITY
+        if (!in_instance(q) && is_hidden(g, g.triangles[prim].v.w)) {
+            continue;
+        }
+#endif
+#if HAS_INSTANCES
+        prim += q->first;
+        t = t >= 0.0f ? max_of(t, q->least) : t;
+#endif
         if (t >= 0.0f && prim != q->ray.skip && better(best, t, prim)) {
             best->t = t;
             best->prim = prim;
@@ -107,7 +132,7 @@ static int visit_shape(const Geometry g, const Query *q, const uint index, Close
 {
     global const Shape *s = g.shapes + index;
     const uint prim = g.triangle_count + index;
-    if (prim == q->ray.skip && is_planar(s->kind)) {
+    if ((prim == q->ray.skip && is_planar(s->kind)) || is_hidden(g, s->object)) {
         return 0;
     }
     float t = shape_intersect(s, xyz(q->ray.o), xyz(q->ray.d), best->t);

@@ -96,7 +96,7 @@ static void trace_packet_tree(const Geometry g, Packet *p, const int any)
     }
     stack[0] = stack_entry(0.0f, STACK_END);
     uint count = 1u;
-    ulong entry = visit_packet_node(g, p, 0u, 0u, limit, any, stack, &count);
+    ulong entry = visit_packet_node(g, p, world_root(g), 0u, limit, any, stack, &count);
     while ((uint)entry != STACK_END) {
         const uint distance = (uint)(entry >> 32);
         if ((distance & ~FIRST_GROUP) > bits_of(limit) + FAR_PAD) {

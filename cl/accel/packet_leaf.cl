@@ -67,6 +67,11 @@ static int visit_block_by_groups(const Geometry g, Packet *p, const uint index, 
         }
         for (uint lane = 0u; lane < count; lane++) {
             global const char *at = (global const char *)block + 4u * lane;
+#if HAS_VISIBILITY
+            if (is_hidden(g, g.triangles[((global const uint *)&block->prim)[lane]].v.w)) {
+                continue;
+            }
+#endif
             const Sheared8 v = sheared_for8(p, group, lane_corner(at, rows), lane_corner(at + 3u * ROW, rows),
                                             lane_corner(at + 6u * ROW, rows));
             const float8 limit = p->t[group] * p->length_z[group] * FAR_SCALE;
@@ -89,7 +94,7 @@ static int visit_leaf_by_rays(const Geometry g, Packet *p, const uint child, con
         for (uint bits = (uint)(mask >> half_rays); bits != 0u; bits &= bits - 1u) {
             const uint i = half_rays + ctz_of(bits);
             Closest best = best_of(p, i);
-            if (visit_leaf(g, p->queries + i, child, &best)) {
+            if (visit_leaf(g, p->queries + i, child, any, &best)) {
                 keep_best(p, i, best, any);
                 found = 1;
             }

@@ -46,7 +46,7 @@ static float geometry_extent(const Geometry g)
     if (!has_nodes(g)) {
         return 0.0f;
     }
-    global const float8 *rows = &g.nodes[0].lox;
+    global const float8 *rows = &g.nodes[world_root(g)].lox;
     for (uint axis = 0u; axis < 3u; axis++) {
         const float8 low = rows[2u * axis];
         const float8 high = rows[2u * axis + 1u];
@@ -55,7 +55,7 @@ static float geometry_extent(const Geometry g)
     }
 #else
     for (uint row = 0u; row < 9u && g.block_count > 0u; row++) {
-        const float8 value = (&g.blocks[0].v0x)[row];
+        const float8 value = (&g.blocks[world_block(g)].v0x)[row];
         largest = max8(largest, max8(-value, value));
     }
 #endif

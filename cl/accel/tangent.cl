@@ -6,10 +6,11 @@
 // Triangles have none: zero.
 static float3 tangent_of(const Geometry g, const Surface s)
 {
-    if (s.prim < g.triangle_count) {
+    const uint place = s.prim - g.triangle_count;
+    if (s.prim < g.triangle_count || place >= g.shape_count) {  // of the world, or of an instance
         return (float3)(0.0f);
     }
-    global const Shape *shape = g.shapes + (s.prim - g.triangle_count);
+    global const Shape *shape = g.shapes + place;
     const float3 u = xyz(shape->u);
     const float across = dot3(u, s.ng);
     const int side_face = shape->kind == SHAPE_BOX && across * across * shape->u.w > 0.5f;

@@ -1,21 +1,33 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/vector.cl"
 #include "accel/geometry.cl"
+#include "accel/instance_surface.cl"
 #include "dispatch/shape.cl"
 #include "dispatch/texture.cl"
 // Material parameters at one point of a surface.
 
 #if HAS_TEXTURED
+// Where a primitive's corners stand in g.triangles; NONE for shapes.
+static uint stored_triangle(const Geometry g, const uint prim)
+{
+#if HAS_INSTANCES
+    if (is_instanced(g, prim)) {
+        return stored_instance_triangle(g, prim);
+    }
+#endif
+    return prim < g.triangle_count ? prim : NONE;
+}
+
 // The point p of a primitive; `inside` = barycentric weights on triangles.
 static TexturePoint texture_point(const Geometry g, const uint prim, const float2 inside, const float3 p,
                                   const float3 ng)
 {
     TexturePoint at;
-    at.prim = prim;
+    at.triangle = stored_triangle(g, prim);
     at.barycentric = inside;
 #if HAS_TRIANGLES
-    if (prim < g.triangle_count) {
-        const uint4 corner = g.triangles[prim].v;
+    if (at.triangle != NONE) {
+        const uint4 corner = g.triangles[at.triangle].v;
         const float2 first = g.textures.uvs[corner.x];
         at.uv = first + inside.x * (g.textures.uvs[corner.y] - first) + inside.y * (g.textures.uvs[corner.z] - first);
         return at;

@@ -11,13 +11,22 @@
 
 #define STACK_END 0xffffffffu  // child word of the entry below all others; no leaf has it
 
+#if HAS_INSTANCES
+static int visit_instance(const Geometry g, const Query *q, const uint index, const int any, Closest *best);
+#endif
+
 #if HAS_TREE
-static int visit_leaf(const Geometry g, const Query *q, const uint child, Closest *best)
+static int visit_leaf(const Geometry g, const Query *q, const uint child, const int any, Closest *best)
 {
 #if HAS_COUNTERS
-    const uint leaf = child & CHILD_ANALYTIC ? g.block_count + (child & CHILD_SHAPE_MASK)
+    const uint leaf = child & CHILD_ANALYTIC ? world_block(g) + g.block_count + (child & CHILD_SHAPE_MASK)
                                              : (child & CHILD_BLOCK_MASK) >> 3;
     count_visit(g.visits, leaf, 1);
+#endif
+#if HAS_INSTANCES
+    if ((child & CHILD_ANALYTIC) && (child & CHILD_SHAPE_MASK) >= g.instance_first) {
+        return visit_instance(g, q, child & CHILD_SHAPE_MASK, any, best);
+    }
 #endif
 #if HAS_ANALYTIC
     if (child & CHILD_ANALYTIC) {
@@ -150,7 +159,7 @@ static int trace_tree(const Geometry g, const Query *q, const uint root, const i
     *top++ = stack_entry(0.0f, STACK_END);
     *top++ = stack_entry(0.0f, root);
     while ((leaf = next_leaf(g, &q->slab, best->t, any, &top)) != STACK_END) {
-        found |= visit_leaf(g, q, leaf, best);
+        found |= visit_leaf(g, q, leaf, any, best);
         if (found && any) {
             break;
         }
@@ -162,7 +171,7 @@ static void trace_all(const Geometry g, const Query *q, const int any, Closest *
 {
     ulong stack[STACK_SIZE];
     if (has_nodes(g)) {
-        trace_tree(g, q, 0u, any, stack, best);
+        trace_tree(g, q, world_root(g), any, stack, best);
     }
 }
 #else
@@ -170,14 +179,21 @@ static void trace_all(const Geometry g, const Query *q, const int any, Closest *
 {
 #if HAS_TRIANGLES
     for (uint i = 0u; i < g.block_count; i++) {
-        if (visit_block(g, q, i, best) && any) {
+        if (visit_block(g, q, world_block(g) + i, best) && any) {
             return;
         }
     }
 #endif
 #if HAS_ANALYTIC
-    for (uint i = g.plane_count; i < g.shape_count; i++) {
+    for (uint i = g.plane_count; i < shape_end(g); i++) {
         if (visit_shape(g, q, i, best) && any) {
+            return;
+        }
+    }
+#endif
+#if HAS_INSTANCES
+    for (uint i = g.instance_first; i < g.shape_count; i++) {
+        if (visit_instance(g, q, i, any, best) && any) {
             return;
         }
     }
@@ -208,12 +224,30 @@ static int prepare_query(const float extent, const Ray ray, Query *q)
     if (!prepare_ray(extent, ray, &q->ray)) {
         return 0;
     }
+#if HAS_INSTANCES
+    q->first = 0u;
+    q->least = 0.0f;
+#endif
     q->slab = slab_ray(q->ray);
 #if HAS_TRIANGLES
     q->shear = shear_of(q->ray, q->slab.inverse);
 #endif
     return 1;
 }
+
+#include "accel/instance.cl"
+
+#if HAS_TRIANGLES
+static void set_weights(const Geometry g, const Query *q, const uint place, Hit *hit)
+{
+    global const char *lane = (global const char *)(g.blocks + (place >> 3)) + 4u * (place & 7u);
+    float2 uv;
+    triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
+                   lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
+    hit->u = uv.x;
+    hit->v = uv.y;
+}
+#endif
 
 // Hit record of a winner. u and v, and t from the same numbers, come from this one place for every variant.
 static Hit hit_of(const Geometry g, const Query *q, const Closest best)
@@ -225,12 +259,16 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
     hit.prim = best.prim;
 #if HAS_TRIANGLES
     if (best.prim < g.triangle_count) {
-        global const char *lane = (global const char *)(g.blocks + (best.place >> 3)) + 4u * (best.place & 7u);
-        float2 uv;
-        triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
-                       lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
-        hit.u = uv.x;
-        hit.v = uv.y;
+        set_weights(g, q, best.place, &hit);
+    }
+#endif
+#if HAS_INSTANCES
+    if (best.prim != NONE && is_instanced(g, best.prim)) {
+        Query inner;
+        uint triangle;
+        global const Shape *s = g.shapes + instance_of(g, best.prim, &triangle);
+        move_query(q, s, g.meshes[s->mesh].extent, best.t, &inner);
+        set_weights(g, &inner, best.place, &hit);
     }
 #endif
     return hit;

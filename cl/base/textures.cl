@@ -22,7 +22,7 @@ typedef struct {
 typedef struct {
     float2 uv;           // texture coordinates
     float2 barycentric;  // triangles: weights of the second and third vertex
-    uint prim;
+    uint triangle;       // where its corners stand; NONE on shapes
 } TexturePoint;
 
 // Two neighbouring texels of a row or column, and the weight of the second.

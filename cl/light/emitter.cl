@@ -12,6 +12,7 @@
 // One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too. Triangles:
 // direction.xyz = unit normal, extra.y = area.
 // Where textures are: bits of radiance.w = the slot of the radiance, or NONE.
+// direction.xyz = unit normal, extra.y = area. extra.z != 0: only camera and shadow rays can meet it.
 
 #if HAS_TRIANGLES
 static float3 emitter_corner(const Geometry g, const uint vertex)
@@ -72,7 +73,11 @@ static LightSample emitter_sample(global const Light *l, const Geometry g, const
     out.radiance = out.radiance * emitter_texture(l, g, p, ng, u);
 #endif
     out.pdf = shines ? pdf : 0.0f;
+#if HAS_VISIBILITY
+    out.delta = l->extra.z != 0.0f;  // rays that scatter never meet it: no other technique competes
+#else
     out.delta = 0u;
+#endif
     out.infinite = 0u;
     return out;
 }

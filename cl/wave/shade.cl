@@ -53,7 +53,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
     const int glows = material_of(&vertex)->kind == MATERIAL_EMISSIVE;
     if (glows || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
-        samples[path.x] += make4(emission_seen(lights, g, objects, vertex, ray, hit, path.y, state), 1.0f);
+        samples[path.x] += make4(emission_seen(lights, settings, g, objects, vertex, ray, hit, path.y, state), 1.0f);
     }
 #if HAS_LOCAL
     const int last = 0;  // reflection_depth alone ends these paths

@@ -84,14 +84,27 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     return v;
 }
 
-// Weight of light met by chance: full where no light sampling competes.
-static float chance_weight(const uint path_edges, const float pdf, const float light_pdf)
+// Whether light straight from its source is left to shadow rays: where an object stops these but not rays that scatter,
+// or the reverse, the two techniques would not see the same light, and no weights could join them.
+static int shadows_alone(global const Settings *settings)
 {
 #if HAS_LOCAL
-    return (path_edges & PATH_DELTA) ? 1.0f : 0.0f;
+    return 1;
+#elif HAS_VISIBILITY
+    return settings->shadows_alone != 0u;
 #else
-    return (path_edges & PATH_DELTA) ? 1.0f : power_heuristic(pdf, light_pdf);
+    return 0;
 #endif
+}
+
+// Weight of light met by chance: full where no light sampling competes.
+static float chance_weight(global const Settings *settings, const uint path_edges, const float pdf,
+                           const float light_pdf)
+{
+    if (path_edges & PATH_DELTA) {
+        return 1.0f;
+    }
+    return shadows_alone(settings) ? 0.0f : power_heuristic(pdf, light_pdf);
 }
 
 #if HAS_SKY
@@ -112,13 +125,13 @@ static float3 environment_seen(global const Light *lights, global const Settings
     none.object = NONE;
     none.prim = NONE;
     const float pdf = sky->position.w * light_pdf(sky, g, xyz(ray.origin), none, wi);
-    return xyz(state) * light_seen(sky, g, wi) * chance_weight(path_edges, state.w, pdf);
+    return xyz(state) * light_seen(sky, g, wi) * chance_weight(settings, path_edges, state.w, pdf);
 }
 #endif
 
-static float3 emission_seen(global const Light *lights, const Geometry g, global const Object *objects,
-                            const PathVertex v, const Ray ray, const Hit hit, const uint path_edges,
-                            const float4 state)
+static float3 emission_seen(global const Light *lights, global const Settings *settings, const Geometry g,
+                            global const Object *objects, const PathVertex v, const Ray ray, const Hit hit,
+                            const uint path_edges, const float4 state)
 {
 #if HAS_EMISSIVE
     if (material_of(&v)->kind != MATERIAL_EMISSIVE) {
@@ -129,7 +142,7 @@ static float3 emission_seen(global const Light *lights, const Geometry g, global
     const uint index = object->light + (hit.prim - object->first);
     const float3 wi = renormalize3(xyz(ray.direction));
     const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
-    return xyz(state) * emitted * chance_weight(path_edges, state.w, pdf);
+    return xyz(state) * emitted * chance_weight(settings, path_edges, state.w, pdf);
 #else
     return (float3)(0.0f);
 #endif
@@ -156,11 +169,7 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
         return out;
     }
     const BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
-#if HAS_LOCAL
-    const float weight = 1.0f;
-#else
-    const float weight = light.delta ? 1.0f : power_heuristic(pdf, bsdf.pdf);
-#endif
+    const float weight = light.delta || shadows_alone(settings) ? 1.0f : power_heuristic(pdf, bsdf.pdf);
     out.light = throughput * bsdf.value * light.radiance * (weight / pdf);
     const float3 origin = spawn_origin(&v->surface, wi);
     out.ray.origin = make4(origin, float_of(v->surface.prim));

@@ -31,7 +31,7 @@ def test_shipped_scene_loads_without_a_warning(path: Path) -> None:
 
     flat = rt.load(path).flatten()
     assert not flat.warnings
-    assert len(flat.triangles) + len(flat.shapes) > 0
+    assert len(flat.triangles) + len(flat.shapes) + len(flat.instances) > 0
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: f"{path.parent.name}/{path.stem}")
@@ -57,8 +57,8 @@ def test_every_kind_of_material_light_and_shape_has_a_scene() -> None:
     used: set[str] = set()
     for path in SCENES:
         scene = tomllib.loads(path.read_text(encoding="utf-8"))
-        used |= {table.get("type", "mesh") for group in ("materials", "lights", "objects")
-                 for table in scene.get(group, {}).values()}
+        used |= {table.get("type", "instance" if "of" in table else "mesh")
+                 for group in ("materials", "lights", "objects") for table in scene.get(group, {}).values()}
     assert {*LIGHTS, *MATERIALS, *SHAPES} <= used
 
 

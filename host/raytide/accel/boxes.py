@@ -39,6 +39,9 @@ def shape_boxes(geometry: FlatGeometry) -> np.ndarray:
     extent = extent + _SHAPE_PAD * np.max(np.abs(center) + extent, axis=1, keepdims=True, initial=0.0)
     low = np.nextafter((center - extent).astype(np.float32), np.float32(-np.inf))
     high = np.nextafter((center + extent).astype(np.float32), np.float32(np.inf))
+    instances = slice(len(shapes) - geometry.instance_count, len(shapes))  # bring theirs along, padded
+    low[instances] = np.stack([shapes[f"inverse_{axis}"][instances, 3] for axis in "uvw"], axis=1)
+    high[instances] = np.stack([shapes[axis][instances, 3] for axis in "uvw"], axis=1)
     first = len(geometry.triangles) + geometry.plane_count
     return _rows(low, high, np.arange(first, first + len(shapes)))
 

@@ -27,13 +27,15 @@ class FlatGeometry:
     """All that can be hit, in metres relative to the geometry's origin.
 
     vertices (V, 4) float32, xyz and 0; triangles (T, 4) uint32, three vertices and the object; shapes (S,) of the
-    record Shape, the `plane_count` infinite planes first. Triangle i has primitive id i, shape j has T + j.
+    record Shape, the `plane_count` infinite planes first and the `instance_count` instances of meshes last. Triangle i
+    has primitive id i, shape j has T + j.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
     shapes: np.ndarray = field(default_factory=lambda: np.zeros(0, RECORDS["Shape"].dtype))
     plane_count: int = 0
+    instance_count: int = 0
 
     @property
     def primitive_count(self) -> int:

@@ -51,7 +51,8 @@ def check(
     if json:
         _print_json(facts)
     else:
-        counts = ", ".join(f"{facts[name]} {name}" for name in ("objects", "triangles", "materials", "lights"))
+        shown = ("objects", "triangles", *(["instances"] if facts["instances"] else []), "materials", "lights")
+        counts = ", ".join(f"{facts[name]} {name}" for name in shown)
         print(f"{file}: ok: {counts}; sha256 {facts['sha256']}")
     return 0
 
@@ -60,7 +61,8 @@ def _facts(scene: Scene) -> dict[str, Any]:
     flat = scene.flatten()
     return {
         "objects": len(flat.objects),
-        "triangles": len(flat.triangles),
+        "triangles": len(flat.triangles) + sum(len(mesh.triangles) for mesh in flat.meshes),
+        "instances": len(flat.instances),
         "materials": len(flat.materials),
         "lights": len(flat.lights),
         "camera": flat.camera.type,

@@ -12,6 +12,9 @@ TRANSMITS = 1  # flag of a material record: light passes, so that the material t
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
+RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
+HIDDEN = 1 << 29  # the bits from here on in an object's number: the kinds of ray that do not meet it, in that order
+OBJECT = HIDDEN - 1
 
 _UNSIGNED = {
     "TILE_SIDE": TILE_SIDE,
@@ -21,6 +24,8 @@ _UNSIGNED = {
     "COUNTER_EDGES": COUNTER_EDGES,
     **{f"WRAP_{name.upper()}": place for place, name in enumerate(WRAPS)},
     "MATERIAL_TRANSMITS": TRANSMITS,
+    "OBJECT_MASK": OBJECT,
+    **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
 }
 

@@ -49,6 +49,8 @@ class Features:
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
     tangents: bool = False  # any material that differs along the surface's two directions
+    instances: bool = False  # meshes that several objects share
+    visibility: bool = False  # objects that some kinds of ray do not meet
     counters: bool = False  # instrumented build
 
     @property
@@ -67,6 +69,7 @@ class Features:
         on["sky"] = any(light in SKIES for light in self.lights)
         on["textured"] = bool(self.textures)  # materials
         on["textures"] = on["textured"] or "environment_map" in self.lights  # buffers of texels
+        on["triangles"] |= self.instances  # which are made of them
         return dict(sorted(on.items()))
 
     def left_out(self) -> list[str]:

@@ -53,9 +53,9 @@ class _Observer:
         self.renderer, self.device = renderer, renderer.device
         source = assemble("probe/coherence.cl", renderer.features.with_counters())
         self.program: Program = self.device.build({source.name: source})[source.name]
-        tree = renderer.tree
-        leaves = tree.block_count + len(renderer.packed.geometry.shapes)
-        self.words = (len(tree.nodes) // 32 + 1, leaves // 32 + 1)
+        forest = renderer.forest
+        leaves = forest.block_count + len(renderer.packed.geometry.shapes)
+        self.words = (forest.node_count // 32 + 1, leaves // 32 + 1)
         self.workers = max(1, renderer.device.info.compute_units)
         self.bitmaps = self.device.empty(4 * self.workers * sum(self.words))
         self.device.fill(self.bitmaps, 0)
@@ -67,9 +67,9 @@ class _Observer:
         orders = {"tiles": slots, "scanlines": slots[np.argsort(pixels, kind="stable")]}
         wave = self.found.setdefault(label, {name: [] for name in orders})
         for name, order in orders.items():
-            wave[name].append(self._measure(order, rays, label.startswith("shadow")))
+            wave[name].append(self._measure(order, rays, _kind(label)))
 
-    def _measure(self, slots: np.ndarray, rays: Buffer, any_hit: bool) -> np.ndarray:
+    def _measure(self, slots: np.ndarray, rays: Buffer, kind: str) -> np.ndarray:
         """(groups, 4) counts: node visits, leaf visits, different nodes, different leaves."""
         groups = len(slots) // GROUP  # a last, ragged group would be no group of 64
         run = min(SEGMENT_GROUPS, groups)
@@ -77,14 +77,20 @@ class _Observer:
         queue = self.device.upload(slots)
         results = self.device.empty(16 * SEGMENT_GROUPS)
         rows = [np.zeros((0, 4), np.uint32)]
+        geometry = self.renderer.buffers.geometry(kind)
         for start in starts:
             self.device.launch(
                 self.program, "coherence", self.workers, 1,
-                *self.renderer.buffers.geometry, queue, np.uint32(start * GROUP), np.uint32(run * GROUP), rays,
-                np.uint32(any_hit), np.uint32(self.workers), self.bitmaps, *(np.uint32(n) for n in self.words), results,
+                *geometry, queue, np.uint32(start * GROUP), np.uint32(run * GROUP), rays,
+                np.uint32(kind == "shadow"), np.uint32(self.workers), self.bitmaps, *map(np.uint32, self.words),
+                results,
             )  # fmt: skip
             rows.append(self.device.read(results, np.uint32, 4 * run).reshape(-1, 4))
         return np.concatenate(rows)
+
+
+def _kind(label: str) -> str:
+    return "shadow" if label.startswith("shadow") else "camera" if label == "primary" else "indirect"
 
 
 def _figures(rows: list[np.ndarray]) -> dict[str, float | int]:

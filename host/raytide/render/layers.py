@@ -30,7 +30,8 @@ def render_layers(renderer: Renderer) -> dict[str, np.ndarray]:
         scene = renderer.buffers
         device.launch(
             program, AOV.name, count, 64,
-            *scene.geometry, scene.objects, scene.materials, *scene.textures, scene.camera, renderer.settings_buffer,
+            *scene.geometry("camera"), scene.objects, scene.materials, *scene.textures, scene.camera,
+            renderer.settings_buffer,
             np.uint32(first), np.uint32(count), *buffers,
             label=AOV.name,
         )  # fmt: skip

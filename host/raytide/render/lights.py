@@ -47,7 +47,7 @@ def pack_lights(
     count = len(declared)
     for index, thing in enumerate(flat.objects):
         material = flat.materials[thing.material]
-        if material.type != "emissive":
+        if material.type != "emissive" or not thing.visible_to:
             continue
         radiance = dict(material.parameters())
         prims, areas, centers, normals = _primitives(flat, geometry, index, planes_first)
@@ -58,6 +58,7 @@ def pack_lights(
         rows["direction"][:, :3] = normals
         rows["extra"][:, 0] = radiance["two_sided"][0]
         rows["extra"][:, 1] = areas
+        rows["extra"][:, 2] = "indirect" not in thing.visible_to
         objects[index]["light"] = count
         shown = _texture(rows, material, thing.material, textures)
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)

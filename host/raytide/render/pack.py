@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.accel import FlatGeometry
-from raytide.kernels.constants import TRANSMITS
+from raytide.kernels.constants import HIDDEN, RAY_KINDS, TRANSMITS
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
+from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
 from raytide.render.lights import pack_lights
 from raytide.render.textures import PackedTextures, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
@@ -32,12 +33,28 @@ class PackedScene:
     camera: np.ndarray
     origin: np.ndarray
     textures: PackedTextures
+    meshes: list[PackedMesh]
 
     @property
     def nbytes(self) -> int:
-        arrays = (self.normals, self.objects, self.materials, self.lights, self.camera, self.geometry.vertices)
-        geometry = self.geometry.triangles.nbytes + self.geometry.shapes.nbytes
+        parts = (self.geometry, *(mesh.geometry for mesh in self.meshes))
+        arrays = (self.normals, self.objects, self.materials, self.lights, self.camera, self.geometry.shapes)
+        geometry = sum(part.vertices.nbytes + part.triangles.nbytes for part in parts)
         return sum(a.nbytes for a in arrays) + geometry + self.textures.nbytes
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Those of the world, then those of each mesh: records Vertex."""
+        return np.concatenate([self.geometry.vertices, *(mesh.geometry.vertices for mesh in self.meshes)])
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """Those of the world, then those of each mesh, with places in `vertices`: records Triangle."""
+        parts, first = [self.geometry.triangles], len(self.geometry.vertices)
+        for mesh in self.meshes:
+            parts.append(mesh.geometry.triangles + np.array((first, first, first, 0), np.uint32))
+            first += len(mesh.geometry.vertices)
+        return np.concatenate(parts)
 
 
 def features_of(flat: FlatScene, everything: bool = False) -> Features:
@@ -46,7 +63,8 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     from raytide.scene.shapes import ANALYTIC_KINDS
 
     render, camera = flat.render, flat.camera
-    used = {flat.materials[thing.material].type for thing in flat.objects}  # named but unused ones cost nothing
+    seen = [thing for thing in flat.objects if thing.visible_to]
+    used = {flat.materials[thing.material].type for thing in seen}  # named but unused ones cost nothing
     present = set(MATERIALS) if everything else used
     asked = {name for thing in flat.objects for name in flat.materials[thing.material].switches()}
     lights = {light.kernel for light in flat.lights}
@@ -61,7 +79,9 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         lights=tuple(sorted(lights)),
         textures=kinds("texture") if everything else tuple(sorted(texture_kinds(flat))),
         triangles=everything or len(flat.triangles) > 0,
-        smooth=everything or flat.normals is not None,
+        smooth=everything or any(normals is not None for normals in _vertex_normals(flat)),
+        instances=everything or len(flat.instances) > 0,
+        visibility=everything or any(0 < len(thing.visible_to) < len(RAY_KINDS) for thing in flat.objects),
         tree=render.bvh != "none",
         lens=camera.type == "thin_lens" or (everything and camera.type == "pinhole"),
         orthographic=camera.type == "orthographic",
@@ -76,7 +96,8 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
     """Records of `flat`, relative to its camera, as kernels with `features` read them."""
     origin = np.asarray(flat.camera.origin, np.float64)
     planes_first = sorted(range(len(flat.shapes)), key=lambda j: flat.shapes[j].kind != "plane")
-    geometry = _geometry(flat, origin, planes_first)
+    meshes = pack_meshes(flat)
+    geometry = _geometry(flat, origin, planes_first, meshes)
     objects = _objects(flat, planes_first)
     materials = _materials(flat)
     textures = pack_textures(flat, features, materials)
@@ -91,6 +112,7 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
         camera=_camera(flat, origin),
         origin=origin,
         textures=textures,
+        meshes=meshes,
     )
 
 
@@ -101,10 +123,20 @@ def _rows(points: np.ndarray) -> np.ndarray:
     return out
 
 
-def _geometry(flat: FlatScene, origin: np.ndarray, planes_first: list[int]) -> FlatGeometry:
+def _hidden(flat: FlatScene) -> np.ndarray:
+    """Bits for each object's number, (n,) uint32: the kinds of ray that do not meet it."""
+    bits = [sum(HIDDEN << place for place, kind in enumerate(RAY_KINDS) if kind not in thing.visible_to)
+            for thing in flat.objects]  # fmt: skip
+    return np.array(bits, np.uint32)
+
+
+def _geometry(
+    flat: FlatScene, origin: np.ndarray, planes_first: list[int], meshes: list[PackedMesh]
+) -> FlatGeometry:
+    hidden = _hidden(flat)
     triangles = np.empty((len(flat.triangles), 4), np.uint32)
     triangles[:, :3] = flat.triangles
-    triangles[:, 3] = flat.triangle_object
+    triangles[:, 3] = flat.triangle_object | hidden[flat.triangle_object]
     shapes = np.zeros(len(flat.shapes), RECORDS["Shape"].dtype)
     for place, j in enumerate(planes_first):
         shape, row = flat.shapes[j], shapes[place]
@@ -117,24 +149,41 @@ def _geometry(flat: FlatScene, origin: np.ndarray, planes_first: list[int]) -> F
         if shape.kind == "sphere":
             row["center"][3] = np.linalg.norm(shape.axes[0])
     planes = sum(shape.kind == "plane" for shape in flat.shapes)
-    return FlatGeometry(_rows(flat.vertices - origin), triangles, shapes, planes)
+    instances = instance_rows(flat, meshes, origin)
+    shapes = np.concatenate([shapes, instances])
+    shapes["object"] |= hidden[shapes["object"]]
+    return FlatGeometry(_rows(flat.vertices - origin), triangles, shapes, planes, len(instances))
+
+
+def _vertex_normals(flat: FlatScene) -> list[np.ndarray | None]:
+    """Of the world, then of each mesh."""
+    return [flat.normals, *(mesh.normals for mesh in flat.meshes)]
 
 
 def _normals(flat: FlatScene, features: Features) -> np.ndarray:
     """One row a vertex, or none where no kernel reads them; zero rows ask for the flat normal."""
-    if flat.normals is not None:
-        return _rows(flat.normals)
-    return np.zeros((len(flat.vertices) if features.smooth else 0, 4), np.float32)
+    if not features.smooth:
+        return np.zeros((0, 4), np.float32)
+    counts = [len(flat.vertices), *(len(mesh.vertices) for mesh in flat.meshes)]
+    return np.concatenate(
+        [
+            np.zeros((count, 4), np.float32) if normals is None else _rows(normals)
+            for count, normals in zip(counts, _vertex_normals(flat), strict=True)
+        ]
+    )
 
 
 def _objects(flat: FlatScene, planes_first: list[int]) -> np.ndarray:
     objects = np.zeros(len(flat.objects), RECORDS["Object"].dtype)
     place_of = {j: place for place, j in enumerate(planes_first)}
+    ids = first_ids(flat)
     for row, thing in zip(objects, flat.objects, strict=True):
         row["material"] = thing.material
         row["light"] = NONE
         analytic = thing.shape >= 0
         row["first"] = len(flat.triangles) + place_of[thing.shape] if analytic else thing.first_triangle
+        if thing.instance >= 0:
+            row["first"] = ids[thing.instance]
     return objects
 
 

@@ -43,9 +43,9 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
         "waves": wave_table(frame.wave_times, renderer.rays),
         "traversal": {"asked": renderer.traversal, "ran": dict(renderer.waves.traced_by if renderer.waves else {})},
         "kernels": {name: _kernel(program) for name, program in renderer.programs.items()},
-        "tree": {key: _plain(value) for key, value in vars(renderer.tree.stats).items()},
+        "tree": {key: _plain(value) for key, value in vars(renderer.forest.stats).items()},
         "memory": {
-            "scene_bytes": renderer.packed.nbytes + renderer.tree.stats.bytes,
+            "scene_bytes": renderer.packed.nbytes + renderer.forest.stats.bytes,
             "film_bytes": frame.nbytes,
             "wave_bytes": renderer.plan.nbytes,
             "wave_capacity": renderer.plan.capacity,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from raytide.accel import FlatGeometry, Tree, build_tree, tree_sources
+from raytide.accel import FlatGeometry, Forest, Tree, build_tree, tree_sources
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
 from raytide.kernels.constants import TILE, TILE_SIDE
@@ -20,6 +20,7 @@ from raytide.kernels.source import Source, assemble
 from raytide.render import layers, schedule
 from raytide.render.film import Film
 from raytide.render.frame import PIXEL_BYTES, Frame
+from raytide.render.instances import mesh_records
 from raytide.render.limits import History, Limits, Row, limits_of
 from raytide.render.pack import PackedScene, features_of, pack
 from raytide.render.provenance import provenance_of, report_of
@@ -61,7 +62,7 @@ class Renderer:
         self.stopped_by: str | None = None
         self.frame: Frame | None = None
         self.waves: Waves | None = None
-        self._tree_of: tuple[FlatGeometry, str] | None = None
+        self._trees: list[tuple[Tree, FlatGeometry, str]] = []  # what each was built of, and its builder
         self._film: weakref.ref[Film] | None = None
         self._stop = threading.Event()
         self._owns_device = not isinstance(device, Device)
@@ -111,18 +112,23 @@ class Renderer:
         if schedule.uses_packets(self.traversal, self.device.kind, self.features):
             waves += [w for w in schedule.PACKET_WAVES if w.needed(self.features)]
         sources = {wave.name: assemble(wave.entry, self.features) for wave in waves}
-        sources |= tree_sources(self.packed.geometry, self.flat.render.bvh)
+        for part in (self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)):
+            sources |= tree_sources(part, self.flat.render.bvh)
         kept = {name: p for name, p in self.programs.items() if self.sources.get(name) == sources.get(name)}
         missing = {name: source for name, source in sources.items() if name not in kept}
         self.sources = sources
         self.programs = kept | (self.device.build(missing) if missing else {})
 
     def _build_tree(self) -> None:
-        """The tree stays while geometry and builder do."""
-        geometry, builder = self.packed.geometry, self.flat.render.bvh
-        if self._tree_of is None or self._tree_of[1] != builder or not _same(self._tree_of[0], geometry):
-            self.tree: Tree = build_tree(geometry, builder, self.device)
-            self._tree_of = (geometry, builder)
+        """Trees stay while their geometry and the builder do: that of a mesh, wherever its instances go."""
+        parts, builder = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)], self.flat.render.bvh
+        kept = [(tree, of) for tree, of, by in self._trees if by == builder]
+        trees = []
+        for part in parts:
+            same = next((tree for tree, of in kept if _same(of, part)), None)
+            trees.append(same or build_tree(part, builder, self.device))
+        self._trees = [(tree, part, builder) for tree, part in zip(trees, parts, strict=True)]
+        self.forest = Forest(trees[0], trees[1:])
 
     def program(self, wave: schedule.Wave) -> Program:
         """The program of a wave that is not in every schedule, built when it is first asked for."""
@@ -138,13 +144,14 @@ class Renderer:
         tiles = -(-width // TILE_SIDE) * -(-height // TILE_SIDE)
         most = tiles * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes)
-        needed = width * height * PIXEL_BYTES + self.plan.nbytes + self.packed.nbytes + self.tree.stats.bytes
+        needed = width * height * PIXEL_BYTES + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
             raise UsageError(
                 f"camera.size: came {width}x{height}, which needs {needed >> 20} MiB in all; {info.id} has "
                 f"{info.global_mem_bytes >> 20} MiB; render a smaller picture"
             )
-        self.buffers = SceneBuffers(self.device, self.packed, self.tree, self.features.switches()["textures"])
+        meshes = mesh_records(self.flat, self.packed.meshes, self.forest)
+        self.buffers = SceneBuffers(self.device, self.packed, self.forest, self.features, meshes)
         self.settings_buffer = self.device.upload(settings_record(self.flat, self.packed))
         self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height))
         pixels_of = self.frame.pixels_of
@@ -311,6 +318,7 @@ class Renderer:
 
 def _same(a: FlatGeometry, b: FlatGeometry) -> bool:
     """Whether two geometries are equal, byte by byte."""
-    return a.plane_count == b.plane_count and all(
+    counts = (a.plane_count, a.instance_count) == (b.plane_count, b.instance_count)
+    return counts and all(
         np.array_equal(getattr(a, name), getattr(b, name)) for name in ("vertices", "triangles", "shapes")
     )

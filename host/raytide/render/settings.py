@@ -40,4 +40,6 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     row["light_count"], row["environment"] = len(packed.lights), packed.environment
     row["filter_radius"] = render.width / 2
     row["shadows"] = render.shadows
+    seen = (thing.visible_to for thing in flat.objects)
+    row["shadows_alone"] = any(("shadow" in kinds) != ("indirect" in kinds) for kinds in seen)
     return row

@@ -68,9 +68,9 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
         table=table,
         slots=slots,
         texels=np.concatenate(words) if words else np.zeros(0, np.uint32),
-        uvs=_rows(textures.uv, len(flat.vertices) if {"bitmap", "checkerboard"} & set(read) else 0, 2),
+        uvs=_rows(textures.uv, flat.stored_vertices if {"bitmap", "checkerboard"} & set(read) else 0, 2),
         colors=_colors(textures, flat, "mesh_attribute" in read),
-        face_colors=len(flat.vertices),
+        face_colors=flat.stored_vertices,
         sky=len(names),
         means={name: _mean(model, textures.texels.get(name)) for name, model in textures.models.items()},
         first_slots=materials["first_slot"],
@@ -95,7 +95,7 @@ def _colors(textures: FlatTextures, flat: FlatScene, read: bool) -> np.ndarray:
         return np.zeros((0, 4), np.float32)
     of_faces = textures.face_colors is not None
     return np.concatenate(
-        [_rows(textures.colors, len(flat.vertices), 4), _rows(textures.face_colors, len(flat.triangles) * of_faces, 4)]
+        [_rows(textures.colors, flat.stored_vertices, 4), _rows(textures.face_colors, flat.stored_triangles * of_faces, 4)]
     )
 
 

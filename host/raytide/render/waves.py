@@ -11,10 +11,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from raytide.accel import Tree
+from raytide.accel import Forest
 from raytide.device import Buffer, Device, Program
 from raytide.errors import UsageError
-from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE
+from raytide.kernels.constants import (
+    COUNTER_EDGES,
+    COUNTERS,
+    EDGE_BINS,
+    HIDDEN,
+    PARTITION_CHUNK,
+    RAY_KINDS,
+    TILE,
+)
+from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import PACKET_LOCAL_SIZE, WavePlan
@@ -52,26 +61,38 @@ class RayCounts:
 
 
 class SceneBuffers:
-    """The scene on the device. `geometry` are the arguments that every tracing kernel starts with."""
+    """The scene on the device."""
 
-    def __init__(self, device: Device, packed: PackedScene, tree: Tree, textured: bool) -> None:
+    def __init__(
+        self, device: Device, packed: PackedScene, forest: Forest, features: Features, meshes: np.ndarray
+    ) -> None:
+        """`meshes` are records Mesh."""
         flat = packed.geometry
-        self.geometry = (
-            *tree.buffers(device),
-            device.upload(flat.triangles),
-            device.upload(flat.vertices),
+        self._visibility = features.visibility
+        self._geometry: tuple[Buffer | np.uint32, ...] = (
+            *forest.buffers(device),
+            device.upload(packed.triangles),
+            device.upload(packed.vertices),
             device.upload(packed.normals),
             device.upload(flat.shapes),
-            np.uint32(tree.block_count),
+            np.uint32(forest.world.block_count),
             np.uint32(len(flat.triangles)),
             np.uint32(len(flat.shapes)),
             np.uint32(flat.plane_count),
         )
+        if features.instances:
+            self._geometry += (
+                device.upload(meshes),
+                np.uint32(len(meshes)),
+                np.uint32(len(flat.shapes) - flat.instance_count),
+                np.uint32(forest.roots[-1]),
+                np.uint32(forest.first_blocks[-1]),
+            )
         self.objects = device.upload(packed.objects)
         self.materials = device.upload(packed.materials)
         self.lights = device.upload(packed.lights)
         self.camera = device.upload(packed.camera)
-        self.textures = self._textures(device, packed.textures, textured)
+        self.textures = self._textures(device, packed.textures, features.switches()["textures"])
 
     @staticmethod
     def _textures(device: Device, packed: PackedTextures, textured: bool) -> tuple[Buffer | np.uint32, ...]:
@@ -86,6 +107,11 @@ class SceneBuffers:
             )
         arrays = (packed.table, packed.slots, packed.texels, packed.uvs, packed.colors)
         return (*(device.upload(array) for array in arrays), np.uint32(packed.face_colors))
+
+    def geometry(self, kind: str) -> tuple[Buffer | np.uint32, ...]:
+        """What every kernel that knows the geometry starts with; `kind`, of RAY_KINDS, is what its rays are for."""
+        told = (np.uint32(HIDDEN << RAY_KINDS.index(kind)),) if self._visibility else ()
+        return (*self._geometry, *told)
 
 
 class Waves:
@@ -170,7 +196,9 @@ class Waves:
         self.traced_by[label] = "packet" if packet else "single"
         name = f"{wave}_packet" if packet else wave
         items, local = (-(-count // TILE), PACKET_LOCAL_SIZE) if packet else (count, 64)
-        self.device.launch(self.programs[name], name, items, local, *self.scene.geometry, *arguments, label=label)
+        kind = "shadow" if wave == "shadow" else "camera" if label == "primary" else "indirect"
+        geometry = self.scene.geometry(kind)
+        self.device.launch(self.programs[name], name, items, local, *geometry, *arguments, label=label)
 
     def _shade(self, count: int) -> tuple[int, np.ndarray]:
         """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""
@@ -178,7 +206,8 @@ class Waves:
         queue, following = self._queues
         launch(
             programs["shade"], "shade", count, 64,
-            *scene.geometry, scene.objects, scene.materials, *scene.textures, scene.lights, self.settings, queue, n,
+            *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, scene.lights, self.settings,
+            queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
             self._shadow_rays, self._shadow_light, self.samples,
             label="shade",

@@ -9,6 +9,7 @@ from raytide.scene.builders import (
     checkerboard,
     directional,
     disk,
+    instance,
     mesh,
     mesh_attribute,
     plane,
@@ -36,7 +37,7 @@ from raytide.scene.materials import (
 from raytide.scene.materials import Emissive as Emit
 from raytide.scene.scene import Scene
 from raytide.scene.settings import RenderSettings
-from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
+from raytide.scene.shapes import Box, Disk, Instance, Mesh, Plane, Rectangle, Sphere
 
 __all__ = [
     "Box",
@@ -50,6 +51,7 @@ __all__ = [
     "Emit",
     "EnvironmentLight",
     "Glossy",
+    "Instance",
     "Mesh",
     "Mirror",
     "Orthographic",
@@ -70,6 +72,7 @@ __all__ = [
     "directional",
     "disk",
     "from_tables",
+    "instance",
     "load",
     "mesh",
     "mesh_attribute",

@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
-from raytide.scene.shapes import Box, Disk, Mesh, Plane, Rectangle, Sphere
+from raytide.scene.shapes import Box, Disk, Instance, Mesh, Plane, Rectangle, Sphere
 from raytide.scene.textures import Bitmap, Checkerboard, MeshAttribute
 
 
@@ -45,6 +45,11 @@ def mesh(
         return Mesh(mesh=os.fspath(file), smooth=smooth)
     keys = {} if uv is None else {"uv": uv}
     return Mesh(vertices=vertices, faces=faces, smooth=smooth, **keys)
+
+
+def instance(of: Any) -> Instance:
+    """An object of the scene once more: its name, or what `scene.add` or `scene[name]` gave. Raises SceneError."""
+    return Instance(of=of if isinstance(of, str) else getattr(of, "name", of))
 
 
 def point(position: Any, intensity: Any) -> PointLight:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
+from raytide.scene.instances import Shown, shown_objects
 from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.materials import Emissive, Material
 from raytide.scene.model import path_words
-from raytide.scene.shapes import Mesh, Shape
+from raytide.scene.shapes import Instance, Mesh, Shape
 from raytide.scene.texture_check import texture_problems, texture_warnings
 from raytide.scene.textures import Texture
 from raytide.scene.transform import fault_of, matrix_of
@@ -43,41 +44,46 @@ def light_problems(scene: Scene) -> list[Problem]:
 
 def object_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:
     """Problems of the objects; `material_names` also holds materials that were refused for their own problems."""
-    problems: list[Problem] = []
+    found, problems = shown_objects(scene.objects)
     for name, shape in scene.objects.items():
-        problems += _material_problems(scene, name, shape, material_names)
-        problems += _place_problems(name, shape)
+        problems += _material_problems(scene, name, shape, found.get(name), material_names)
+        problems += _place_problems(name, shape, found.get(name))
         if isinstance(shape, Mesh):
             problems += _mesh_problems(scene, name, shape)
     return problems
 
 
-def _material_problems(scene: Scene, name: str, shape: Shape, material_names: Sequence[str]) -> list[Problem]:
+def _material_problems(
+    scene: Scene, name: str, shape: Shape, shown: Shown | None, material_names: Sequence[str]
+) -> list[Problem]:
     key = path_words(("objects", name, "material"))
     names = list(material_names)
     if shape.material is None:
-        return [Problem(key, "nothing (the key is missing)", list_words(names))]
+        missing = Problem(key, "nothing (the key is missing)", list_words(names))
+        return [] if isinstance(shape, Instance) else [missing]
     if shape.material not in names:
         hint = nearest(shape.material, names)
         return [Problem(key, f"the unknown material {ascii(shape.material)}", list_words(names), hint=hint)]
-    if isinstance(scene.materials.get(shape.material), Emissive) and not shape.EMITS:
-        came = f"the emissive material {ascii(shape.material)} on a {shape.type}"
+    bare = shown.shape if shown else shape
+    if isinstance(scene.materials.get(shape.material), Emissive) and not bare.EMITS:
+        came = f"the emissive material {ascii(shape.material)} on a {bare.type}"
         return [Problem(key, came, "another material", hint="let a rectangle, a disk or a light shine")]
     return []
 
 
-def _place_problems(name: str, shape: Shape) -> list[Problem]:
+def _place_problems(name: str, shape: Shape, shown: Shown | None) -> list[Problem]:
     """A transform that cannot be used, or that takes the shape out of float32's range."""
     key = path_words(("objects", name, "transform"))
-    matrix = matrix_of(shape.transform)
-    fault = fault_of(matrix)
+    fault = fault_of(matrix_of(shape.transform))
+    if not fault and shown and isinstance(shape, Instance):
+        fault = fault_of(shown.matrix)
     if fault:
         came, _, wanted = fault.removeprefix("came ").partition("; wanted ")
         return [Problem(key, came, wanted)]
-    if isinstance(shape, Mesh):
+    if shown is None or isinstance(shown.shape, Mesh):
         return []
     try:
-        center, axes = shape.placed(matrix)
+        center, axes = shown.shape.placed(shown.matrix)
     except SceneError as error:
         return [Problem(key, found.came, found.wanted, hint=found.hint) for found in error.problems]
     sizes = (axes * axes).sum(axis=1) ** 0.5
@@ -104,11 +110,16 @@ def _mesh_problems(scene: Scene, name: str, shape: Mesh) -> list[Problem]:
 
 def scene_warnings(scene: Scene) -> list[str]:
     """What looks wrong but does not stop a render."""
-    used = {shape.material for shape in scene.objects.values()}
+    shown, _ = shown_objects(scene.objects)
+    used = {found.material for found in shown.values()}
     found = [*scene.notes, *(f"materials.{name}: no object uses it" for name in scene.materials if name not in used)]
+    named = {shape.of for shape in scene.objects.values() if isinstance(shape, Instance)}
     for name, shape in scene.objects.items():
+        if not shape.visible_to and name not in named:
+            found.append(f"objects.{name}: it is visible to no ray, and no instance shows it")
         if isinstance(shape, Mesh):
             found += [f"objects.{name}: {words}" for words in scene.mesh_data(shape).warnings]
-    if not scene.lights and not any(isinstance(scene.materials.get(name or ""), Emissive) for name in used):
+    seen = {shown[name].material for name, shape in scene.objects.items() if shape.visible_to and name in shown}
+    if not scene.lights and not any(isinstance(scene.materials.get(name or ""), Emissive) for name in seen):
         found.append("the scene has no light: every picture of it is black")
     return found + texture_warnings(scene)

@@ -11,13 +11,16 @@ from raytide.errors import SceneError
 from raytide.importers.limits import LARGEST, SMALLEST
 from raytide.importers.meshdata import MeshData, longest_edges
 from raytide.scene.camera import Camera
+from raytide.scene.instances import shown_objects
 from raytide.scene.lights import Light
 from raytide.scene.materials import Material
 from raytide.scene.normals import smooth_normals
 from raytide.scene.painted import FlatTextures, Painted, flat_textures
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import Mesh
-from raytide.scene.transform import is_mirror, matrix_of, move_normals, move_points
+from raytide.scene.shared import FlatInstance, FlatMesh, shared_meshes
+from raytide.scene.transform import is_mirror, move_normals, move_points
+from raytide.scene.values import RAY_KINDS
 
 if TYPE_CHECKING:
     from raytide.scene.scene import Scene
@@ -40,9 +43,10 @@ class FlatShape:
 
 @dataclass(frozen=True)
 class FlatObject:
-    """One object of the scene: its material, and its triangles or its shape (-1 for a mesh).
+    """One object of the scene: its material, and its triangles, its shape or its instance (-1 where it has none).
 
-    `flipped`: its transform mirrors; normals and winding here are already right.
+    `flipped`: its transform mirrors; normals and winding of its triangles here are already right. `visible_to`: the
+    kinds of ray that meet it; an object that none meets has nothing here but its name.
     """
 
     name: str
@@ -51,6 +55,8 @@ class FlatObject:
     triangle_count: int
     shape: int
     flipped: bool
+    instance: int = -1
+    visible_to: tuple[str, ...] = RAY_KINDS
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,7 @@ class FlatScene:
     vertices (V, 3) float64 [m]; triangles (T, 3) uint32, counter-clockwise seen from the front; triangle_object (T,)
     uint32; normals (V, 3) float64, unit or zero (the geometric normal stands in), or None where no mesh is smooth.
     Objects are in file order, an object's triangles are contiguous. The id of triangle i is i, of shape j it is T + j.
+    Instances are in the order of their meshes; their triangles have the ids after all shapes, one after the other.
     """
 
     vertices: np.ndarray
@@ -76,6 +83,18 @@ class FlatScene:
     render: RenderSettings
     warnings: list[str]
     textures: FlatTextures = field(default_factory=FlatTextures)
+    meshes: list[FlatMesh] = field(default_factory=list)
+    instances: list[FlatInstance] = field(default_factory=list)
+
+    @property
+    def stored_vertices(self) -> int:
+        """Vertices of the world and of all shared meshes."""
+        return len(self.vertices) + sum(len(mesh.vertices) for mesh in self.meshes)
+
+    @property
+    def stored_triangles(self) -> int:
+        """Triangles of the world and of all shared meshes."""
+        return len(self.triangles) + sum(len(mesh.triangles) for mesh in self.meshes)
 
 
 @dataclass(frozen=True)
@@ -88,31 +107,41 @@ class _Piece:
     painted: Painted
 
 
-def flatten_scene(scene: Scene) -> FlatScene:
-    """All objects in world space. Raises SceneError with all problems of the scene."""
+def flatten_scene(scene: Scene, share: bool = True) -> FlatScene:
+    """All objects in world space; without `share` every instance gets triangles of its own. Raises SceneError with all
+    problems of the scene."""
     problems = scene.problems()
     if problems:
         raise SceneError(problems)
-    names = list(scene.materials)
+    places = {name: place for place, name in enumerate(scene.materials)}
     shapes: list[FlatShape] = []
     objects: list[FlatObject] = []
     pieces: list[_Piece] = []
     warnings = scene.warnings()
+    shown, _ = shown_objects(scene.objects)
+    meshes, instances = shared_meshes(scene, shown, warnings) if share else ([], [])
+    instance_of = {instance.object: place for place, instance in enumerate(instances)}
     first = 0
     for index, (name, shape) in enumerate(scene.objects.items()):
-        matrix = matrix_of(shape.transform)
+        bare, matrix = shown[name].shape, shown[name].matrix
         count, place = 0, -1
-        if isinstance(shape, Mesh):
-            piece = _placed_mesh(scene.mesh_data(shape), matrix, shape.smooth, name, warnings)
-            pieces.append(piece)
-            count = len(piece.triangles)
-        else:
-            place = len(shapes)
-            shapes.append(FlatShape(shape.type, index, *shape.placed(matrix)))
-        material = names.index(shape.material or "")
-        objects.append(FlatObject(name, material, first, count, place, is_mirror(matrix)))
+        if shape.visible_to and index not in instance_of:
+            if isinstance(bare, Mesh):
+                piece = _placed_mesh(scene.mesh_data(bare), matrix, bare.smooth, name, warnings)
+                pieces.append(piece)
+                count = len(piece.triangles)
+            else:
+                place = len(shapes)
+                shapes.append(FlatShape(bare.type, index, *bare.placed(matrix)))
+        objects.append(
+            FlatObject(
+                name, places[shown[name].material or ""], first, count, place, is_mirror(matrix),
+                instance_of.get(index, -1), shape.visible_to,
+            )
+        )  # fmt: skip
         first += count
     vertices, triangles, normals = _joined(pieces)
+    used = {shown[name].material for name in scene.objects}
     counts = [thing.triangle_count for thing in objects]
     return FlatScene(
         vertices=vertices,
@@ -122,13 +151,15 @@ def flatten_scene(scene: Scene) -> FlatScene:
         shapes=shapes,
         objects=objects,
         materials=list(scene.materials.values()),
-        material_names=names,
+        material_names=list(places),
         lights=list(scene.lights.values()),
         light_names=list(scene.lights),
         camera=scene.camera,
         render=scene.render,
         warnings=warnings,
-        textures=flat_textures(scene, [piece.painted for piece in pieces]),
+        textures=flat_textures(scene, used, [*(piece.painted for piece in pieces), *(mesh.painted for mesh in meshes)]),
+        meshes=meshes,
+        instances=instances,
     )
 
 

@@ -19,7 +19,7 @@ from raytide.scene.parse import parse_text, read_text, unknown_key
 from raytide.scene.positions import find_keys, line_of, parent_of
 from raytide.scene.scene import FORMAT, GROUPS, Scene, make_table, name_fault
 from raytide.scene.settings import RenderSettings
-from raytide.scene.shapes import Box, Mesh, Shape
+from raytide.scene.shapes import Box, Instance, Mesh, Shape
 from raytide.scene.texture_check import texture_problems
 
 TOP = ["format", "camera", "render", *GROUPS]
@@ -104,7 +104,7 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
         getattr(scene, group).update(made)
     for name, table in raw["objects"].items() if isinstance(raw.get("objects"), dict) else ():
         if name not in scene.objects and isinstance(table, dict) and isinstance(table.get("material", ""), str):
-            scene.objects[name] = _stand_in(table)
+            scene.objects[name] = _stand_in(table, raw.get("materials"))
     written = raw.get("materials", {})
     problems += object_problems(scene, list(written) if isinstance(written, dict) else [])
     problems += light_problems(scene)
@@ -113,9 +113,15 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
     return (None if camera is None or len(scene.objects) > len(tables["objects"]) else scene), problems
 
 
-def _stand_in(table: dict[str, Any]) -> Shape:
+def _stand_in(table: dict[str, Any], materials: Any) -> Shape:
     """A sound shape with the names that a refused one gives, so that those are checked too."""
-    names: dict[str, Any] = {name: value for name in ("material", "mesh") if isinstance(value := table.get(name), str)}
+    names: dict[str, Any] = {
+        name: value for name in ("material", "mesh", "of") if isinstance(value := table.get(name), str)
+    }
+    if "of" in names:
+        return Instance(**{name: names[name] for name in ("of", "material") if name in names})
+    if table.get("type") == "instance" and isinstance(materials, dict):
+        names.setdefault("material", next(iter(materials), None))  # which an instance may do without
     return Mesh(**names) if "mesh" in names else Box(**names)
 
 

@@ -49,9 +49,9 @@ class FlatTextures:
     face_colors: np.ndarray | None = None
 
 
-def flat_textures(scene: Scene, meshes: list[Painted]) -> FlatTextures:
-    """Textures that objects use, and what their meshes, in order, carry for them. Raises SceneError for a file."""
-    materials = (scene.materials[shape.material or ""] for shape in scene.objects.values())
+def flat_textures(scene: Scene, shown: set[str | None], meshes: list[Painted]) -> FlatTextures:
+    """Textures of the materials `shown`, and what the meshes, in order, carry for them. Raises SceneError for a file."""
+    materials = (scene.materials[name or ""] for name in shown)
     used = sorted({name for material in materials for name in material.textures().values()})
     models = {name: scene.textures[name] for name in used}
     skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]

@@ -14,7 +14,7 @@ from raytide.scene.lights import LIGHTS, Light
 from raytide.scene.materials import MATERIALS, Material
 from raytide.scene.model import Table
 from raytide.scene.settings import RenderSettings
-from raytide.scene.shapes import SHAPES, Mesh, Shape
+from raytide.scene.shapes import SHAPES, Instance, Mesh, Shape
 from raytide.scene.textures import TEXTURES, Texture
 
 if TYPE_CHECKING:
@@ -81,7 +81,8 @@ class Scene:
     def add(
         self, thing: Shape | Light | Texture, material: Material | str | None = None, *, name: str | None = None
     ) -> ObjectView | Light | Texture:
-        """Add a shape with its material (a model or the name of one that is there), a light, or a texture.
+        """Add a shape with its material (a model or the name of one that is there), a light, or a texture. An instance
+        without a material takes that of its object.
 
         Without `name`, the type and a number make one. Raises SceneError: a taken or bad name, an unknown material.
         """
@@ -96,7 +97,8 @@ class Scene:
             raise SceneError([Problem("add", value_words(thing), "a shape, a light or a texture")])
         chosen = self._new_name(name, thing.type, self.objects)
         wanted = material if material is not None else thing.material
-        self.objects[chosen] = thing.changed(material=self._name_of(wanted, chosen))
+        inherits = wanted is None and isinstance(thing, Instance)
+        self.objects[chosen] = thing.changed() if inherits else thing.changed(material=self._name_of(wanted, chosen))
         return ObjectView(self, chosen)
 
     def _new_name(self, name: str | None, kind: str, taken: dict[str, Any]) -> str:
@@ -205,11 +207,14 @@ class Scene:
 
         return scene_warnings(self)
 
-    def flatten(self) -> FlatScene:
-        """The scene as arrays in world space. Raises SceneError with all problems."""
+    def flatten(self, *, share: bool = True) -> FlatScene:
+        """The scene as arrays in world space; without `share` every instance gets triangles of its own.
+
+        Raises SceneError with all problems.
+        """
         from raytide.scene.flatten import flatten_scene
 
-        return flatten_scene(self)
+        return flatten_scene(self, share)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write a .toml or .json file, replaced only when finished. Raises SceneError."""
@@ -245,8 +250,12 @@ class ObjectView:
 
     @property
     def material(self) -> Material:
-        """The material's model; assign a model or a name. Raises SceneError."""
-        name = self.shape.material or ""
+        """The material (an instance without one has its object's); assign a model or a name. Raises SceneError."""
+        shape, seen = self.shape, {self._name}
+        while shape.material is None and isinstance(shape, Instance) and shape.of not in seen:
+            seen.add(shape.of)
+            shape = self._scene.objects.get(shape.of, shape)
+        name = shape.material or ""
         if name not in self._scene.materials:
             names = list(self._scene.materials)
             raise SceneError([Problem("material", ascii(name), list_words(names), hint=nearest(name, names))])
@@ -301,6 +310,8 @@ def make_table(group: str, value: Any, classes: dict[str, type[Any]]) -> Table:
     kind = value.get("type", DEFAULT_TYPES.get(group))
     if kind is None and group == "objects" and ("mesh" in value or "vertices" in value):
         kind = "mesh"
+    if kind is None and group == "objects" and "of" in value:
+        kind = "instance"
     if kind is None:
         raise SceneError([Problem("type", "nothing (the key is missing)", list_words(list(classes)))])
     if not isinstance(kind, str) or kind not in classes:

@@ -13,6 +13,8 @@ from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import SHAPES
 from raytide.scene.textured import may_be_textured
 
+UNTYPED = ("mesh", "instance")  # objects that need no type: their keys tell it
+
 
 def json_schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of a scene file; TOML files mean the same tables."""
@@ -22,13 +24,13 @@ def json_schema() -> dict[str, Any]:
     for group, kinds in GROUPS.items():
         for kind, model in kinds.items():
             entry = definitions[names[(model, "validation")]["$ref"].split("/")[-1]]
-            if group in ("textures", "materials", "lights") or model in SHAPES.values() and kind != "mesh":
+            if group in ("textures", "materials", "lights") or model in SHAPES.values() and kind not in UNTYPED:
                 entry.setdefault("required", []).append("type")
             for name in (name for name, field in model.model_fields.items() if may_be_textured(field)):
                 plain = entry["properties"][name]
                 kept = {word: plain.pop(word) for word in ("default", "description", "title", "unit") if word in plain}
                 entry["properties"][name] = {"anyOf": [plain, {"type": "string"}], **kept}
-            if model in SHAPES.values():
+            if model in SHAPES.values() and kind != "instance":  # an instance may take its object's material
                 entry.setdefault("required", []).append("material")
 
     def one_of(kinds: dict[str, type[Any]]) -> dict[str, Any]:

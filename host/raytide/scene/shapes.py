@@ -15,7 +15,7 @@ from raytide.errors import Problem, SceneError
 from raytide.scene.arrays import as_faces, as_uv, as_vertices
 from raytide.scene.model import Table
 from raytide.scene.transform import Step, is_mirror, move_normals, move_points, tangents_of
-from raytide.scene.values import SMALLEST, Count, Direction, Flag, Kind, Number, Point, key
+from raytide.scene.values import RAY_KINDS, SMALLEST, Count, Direction, Flag, Kind, Number, Point, RayKinds, key
 
 SIMILAR = 1e-9  # relative spread of stretches up to which a transform keeps spheres round
 
@@ -31,6 +31,10 @@ class Shape(Table):
     material: str | None = key(None, doc="name of its material; every object of a file needs one")
     transform: Annotated[list[Step], Kind("a list of steps: scale, rotate, translate, matrix")] = Field(
         default_factory=list, description="steps applied in order"
+    )
+
+    visible_to: RayKinds = key(
+        RAY_KINDS, doc="rays that meet it: the camera's, those that look for a light, those that scatter; [] hides it"
     )
 
     def scale(self, factor: float | tuple[float, float, float]) -> Self:
@@ -221,5 +225,13 @@ class Mesh(Shape):
     __hash__ = None  # type: ignore[assignment]
 
 
+class Instance(Shape):
+    """Another object once more, at another place: its transform acts after that object's."""
+
+    FIRST: ClassVar[str] = "of"
+    type: Literal["instance"] = "instance"
+    of: Annotated[str, Kind("the name of an object")] = key(doc="name of the object to show; a mesh is stored once")
+
+
 SHAPES: dict[str, type[Shape]] = {kind.model_fields["type"].default: kind for kind in Shape.__subclasses__()}
-ANALYTIC_KINDS = tuple(kind for kind in SHAPES if kind != "mesh")
+ANALYTIC_KINDS = tuple(kind for kind in SHAPES if kind not in ("mesh", "instance"))

@@ -15,6 +15,7 @@ from pydantic_core import PydanticUndefined
 from raytide.importers.limits import LARGEST, SMALLEST
 
 Vector = tuple[float, float, float]
+RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
 SECONDS = {"": 1.0, "ms": 1e-3, "s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}  # by unit of time
 _TIME_PART = r"(\d+\.?\d*|\.\d+)\s*(ms|s|min|m|h|(?=\s*$))(?![a-z])"
 
@@ -100,6 +101,14 @@ def as_share(value: Any) -> float:
     return as_number(float(found[1]) / 100)
 
 
+def as_ray_kinds(value: Any) -> tuple[str, ...]:
+    """Some of RAY_KINDS, each once, in their order. Raises ValueError."""
+    items = as_list(value)
+    if len(items) != sum(kind in items for kind in RAY_KINDS):
+        raise ValueError("")
+    return tuple(kind for kind in RAY_KINDS if kind in items)
+
+
 def check_product(colour: Vector, scale: float) -> None:
     """Raises ValueError where a scaled radiance leaves float32's usable range."""
     largest = max(colour) * scale
@@ -136,6 +145,12 @@ Seconds = Annotated[
     float, BeforeValidator(as_seconds), Kind('seconds, or text such as "30s" or "4min",'), _text_or_number("30s")
 ]
 Share = Annotated[float, BeforeValidator(as_share), Kind('a share, such as 0.01 or "1%",'), _text_or_number("1%")]
+RayKinds = Annotated[
+    tuple[str, ...],
+    BeforeValidator(as_ray_kinds),
+    Kind("a list of " + ", ".join(f'"{kind}"' for kind in RAY_KINDS) + ", each at most once"),
+    WithJsonSchema({"type": "array", "items": {"enum": list(RAY_KINDS)}, "uniqueItems": True}),
+]
 Point = Annotated[Vector, BeforeValidator(as_vector), Kind("finite [x, y, z]"), _VECTOR_SCHEMA]
 Direction = Annotated[Vector, BeforeValidator(as_direction), Kind("a direction [x, y, z], not zero"), _VECTOR_SCHEMA]
 Emission = Annotated[
