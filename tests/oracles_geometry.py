@@ -19,6 +19,7 @@ from trace_programs import PACKET_KERNELS, TRACE_KERNELS
 FAR = np.float32(3.0e38)
 SHAPES = ("box", "disk", "plane", "rectangle", "sphere")
 
+
 def features(tree: bool = True, triangles: bool = True, shapes: tuple[str, ...] = SHAPES, **more: bool) -> Features:
     """Switches of a test program."""
     return Features(tree=tree, triangles=triangles, shapes=shapes, **more)
@@ -77,6 +78,23 @@ def plane_record(point: object, normal: object) -> np.ndarray:
     u = np.cross(n, [1.0, 0, 0] if abs(n[0]) < 0.8 else [0, 1.0, 0])
     u /= np.linalg.norm(u)
     return shape_record("plane", point, [u, np.cross(n, u), n])
+
+
+def crowd(triangles: int, seed: int = 1) -> Mesh:
+    """Random triangles and shapes of all kinds, some thin, some far larger than others."""
+    rng = np.random.default_rng(seed)
+    corners = rng.normal(size=(triangles, 1, 3)) * 2 + rng.normal(size=(triangles, 3, 3)) * rng.choice([0.05, 0.3, 2.0])
+    shapes = [plane_record((0, -4, 0), (0.1, 1, 0.2)), plane_record((0, 0, -7), (0, 0, 1))]
+    shapes += [sphere_record(rng.normal(size=3) * 3, 0.1 + 0.2 * i) for i in range(5)]
+    shapes += [
+        shape_record("box", rng.normal(size=3) * 3, np.linalg.qr(rng.normal(size=(3, 3)))[0] * (0.2, 0.5, 0.9))
+        for _ in range(4)
+    ]
+    for kind in ("rectangle", "disk"):
+        for _ in range(4):
+            frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            shapes.append(shape_record(kind, rng.normal(size=3) * 3, frame * np.array([[0.7], [0.4], [1.0]])))
+    return soup(corners, shapes=np.concatenate(shapes), planes=2)
 
 
 def _shape_boxes(shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,9 @@ import pytest
 
 from oracles_geometry import (
     FAR,
-    Mesh,
     blocks_in_order,
     closest_triangle,
+    crowd,
     mesh,
     plane_record,
     rays_of,
@@ -17,27 +17,9 @@ from oracles_geometry import (
     shape_record,
     simple_tree,
     soup,
-    sphere_record,
     tracer,
 )
 from raytide.kernels import NONE, RECORDS
-
-
-def crowd(triangles: int, seed: int = 1) -> Mesh:
-    """Random triangles and shapes of all kinds, some thin, some far larger than others."""
-    rng = np.random.default_rng(seed)
-    corners = rng.normal(size=(triangles, 1, 3)) * 2 + rng.normal(size=(triangles, 3, 3)) * rng.choice([0.05, 0.3, 2.0])
-    shapes = [plane_record((0, -4, 0), (0.1, 1, 0.2)), plane_record((0, 0, -7), (0, 0, 1))]
-    shapes += [sphere_record(rng.normal(size=3) * 3, 0.1 + 0.2 * i) for i in range(5)]
-    shapes += [
-        shape_record("box", rng.normal(size=3) * 3, np.linalg.qr(rng.normal(size=(3, 3)))[0] * (0.2, 0.5, 0.9))
-        for _ in range(4)
-    ]
-    for kind in ("rectangle", "disk"):
-        for _ in range(4):
-            frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-            shapes.append(shape_record(kind, rng.normal(size=3) * 3, frame * np.array([[0.7], [0.4], [1.0]])))
-    return soup(corners, shapes=np.concatenate(shapes), planes=2)
 
 
 def scattered(count: int, seed: int = 2) -> np.ndarray:

@@ -52,6 +52,7 @@ class TreeStats:
 
     builder: str  # what ran: "sah", "lbvh" or "none"; another one than was asked for where that tree was too deep
     place: str  # "device" or "host"
+    layout: str  # "wide": records Node and Block; "compact": CompactNode and CompactTriangle
     nodes: int
     leaves: int
     depth: int  # inner nodes from root to leaf, at most
