@@ -19,6 +19,17 @@ static ulong packet_entry(const float enter, const uint first, const uint node, 
     return ((ulong)((bits_of(enter) & ~FIRST_GROUP) | first) << 32) | (node << 3) | lane;
 }
 
+// Puts an entry on the stack; unless `any`, below all nearer ones from `base` on.
+static void push_packet_entry(const ulong entry, const int any, const uint base, ulong *stack, uint *count)
+{
+    uint place = (*count)++;
+    while (!any && place > base && stack[place - 1u] < entry) {
+        stack[place] = stack[place - 1u];
+        place--;
+    }
+    stack[place] = entry;
+}
+
 // The nearest child that the packet's bounds meet (any of them where `any`), or else the top of the stack; the others
 // go on the stack.
 static ulong visit_packet_node(const Geometry g, const Packet *p, const uint index, const uint first,
@@ -37,7 +48,7 @@ static ulong visit_packet_node(const Geometry g, const Packet *p, const uint ind
     for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {
         lane = ctz_of(mask);
         const ulong entry = packet_entry(enters[lane], first, index, lane);
-        push_entry(entry < nearest ? nearest : entry, any, base, stack, count);
+        push_packet_entry(entry < nearest ? nearest : entry, any, base, stack, count);
         nearest = entry < nearest ? entry : nearest;
     }
     return nearest;
@@ -88,7 +99,7 @@ static void trace_packet_tree(const Geometry g, Packet *p, const int any)
     ulong entry = visit_packet_node(g, p, 0u, 0u, limit, any, stack, &count);
     while ((uint)entry != STACK_END) {
         const uint distance = (uint)(entry >> 32);
-        if ((distance & ~FIRST_GROUP) > bits_of(limit * FAR_SCALE)) {
+        if ((distance & ~FIRST_GROUP) > bits_of(limit) + FAR_PAD) {
             entry = stack[--count];
             continue;
         }

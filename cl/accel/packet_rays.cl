@@ -16,7 +16,7 @@
 // The packet's bounds need slack for how a ray's own test rounds: -o/d by one rounding of o, and t by three.
 #define ORIGIN_SLACK 4.7683716e-7f      // 8 roundings
 #define PACKET_NEAR_SCALE 0.9999995f    // 1 - 8 roundings
-#define PACKET_FAR_SCALE 1.000001f      // 1 + 16 roundings
+#define PACKET_FAR_SCALE 1.0000015f     // 1 + 24 roundings: FAR_PAD comes to 16 at most
 
 typedef struct {
     float4 inverse_low;  // bounds of 1/d over the rays
@@ -73,9 +73,9 @@ static void set_ray(Packet *p, const uint i, const Query *q, const int usable)
     set_lane8(p->inverse_x, i, q->slab.inverse.x);
     set_lane8(p->inverse_y, i, q->slab.inverse.y);
     set_lane8(p->inverse_z, i, q->slab.inverse.z);
-    set_lane8(p->base_x, i, q->slab.near.x);
-    set_lane8(p->base_y, i, q->slab.near.y);
-    set_lane8(p->base_z, i, q->slab.near.z);
+    set_lane8(p->base_x, i, q->slab.shift.x);
+    set_lane8(p->base_y, i, q->slab.shift.y);
+    set_lane8(p->base_z, i, q->slab.shift.z);
     set_lane_int8(p->skip, i, q->ray.skip);
     set_lane_int8(p->prim, i, NONE);
     set_lane_int8(p->place, i, 0u);
@@ -161,9 +161,9 @@ ALWAYS_INLINE static int8 box_met_by8(const Packet *p, const uint group, const f
     const float8 far_y = fma8((float8)(far.y), p->inverse_y[group], p->base_y[group]);
     const float8 far_z = fma8((float8)(far.z), p->inverse_z[group], p->base_z[group]);
     const float8 first = max8(max8(near_x, near_y), max8(near_z, (float8)(0.0f)));
-    const float8 last = min8(min8(far_x, far_y), min8(far_z, p->t[group])) * FAR_SCALE;
+    const float8 last = min8(min8(far_x, far_y), min8(far_z, p->t[group]));
     *enter = first;
-    return first <= last;
+    return in_order8(first, last);
 }
 
 // The farthest that any ray still looks; negative when all are done.
