@@ -14,3 +14,18 @@
 static float grid_step(const uint exponent) { return float_of(exponent << 23); }
 
 static float grid_plane(const float low, const float step, const uint q) { return fma_of((float)q, step, low); }
+
+// Those of x, y, z from the bits of a node.
+static float4 grid_steps(const uint bits)
+{
+    return (float4)(grid_step(bits & 255u), grid_step(bits >> 8 & 255u), grid_step(bits >> 16 & 255u), 0.0f);
+}
+
+// Largest coordinate magnitude of a node's grid, whose exponents are in w; 0 for an empty node.
+static float grid_reach(const float4 grid)
+{
+    const uint bits = bits_of(grid.w);
+    const float4 last = fma4((float4)((float)GRID_LAST), grid_steps(bits), grid);
+    const float4 reach = max4(abs4(grid), abs4(last));
+    return bits >> 24 ? max_of(max_of(reach.x, reach.y), reach.z) : 0.0f;
+}

@@ -5,11 +5,11 @@
 #include "accel/box.cl"
 #include "accel/watertight.cl"
 #include "accel/leaf.cl"
+#include "accel/compact_leaf.cl"
+#include "accel/compact_walk.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
 // One ray through everything: closest hit and any hit from one source, with the tree or by brute force.
-
-#define STACK_END 0xffffffffu  // child word of the entry below all others; no leaf has it
 
 #if HAS_TREE
 static int visit_leaf(const Geometry g, const Query *q, const uint child, Closest *best)
@@ -25,15 +25,13 @@ static int visit_leaf(const Geometry g, const Query *q, const uint child, Closes
     }
 #endif
 #if HAS_TRIANGLES
-    return visit_block(g, q, (child & CHILD_BLOCK_MASK) >> 3, best);
+    return visit_triangles(g, q, child, best);
 #else
     return 0;
 #endif
 }
 
-// Stack entries are entry distance << 32 | child; distances are not negative, so they order as their bits do.
-static ulong stack_entry(const float enter, const uint child) { return ((ulong)bits_of(enter) << 32) | child; }
-
+#if !HAS_COMPACT
 static ulong child_entry(private const float *enters, global const Node *node, const uint lane)
 {
     return stack_entry(enters[lane], ((global const uint *)&node->child)[lane]);
@@ -141,6 +139,8 @@ ALWAYS_INLINE static uint next_leaf(const Geometry g, private const SlabRay *sla
     }
 }
 
+#endif
+
 // The tree below node `root`; the stack is free from `top` on. Whether anything beat `best`, which it is then.
 static int trace_tree(const Geometry g, const Query *q, const uint root, const int any, private ulong *top,
                       Closest *best)
@@ -225,10 +225,7 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
     hit.prim = best.prim;
 #if HAS_TRIANGLES
     if (best.prim < g.triangle_count) {
-        global const char *lane = (global const char *)(g.blocks + (best.place >> 3)) + 4u * (best.place & 7u);
-        float2 uv;
-        triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
-                       lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
+        const float2 uv = uv_at(g, q, best.place);
         hit.u = uv.x;
         hit.v = uv.y;
     }

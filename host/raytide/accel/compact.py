@@ -14,7 +14,7 @@ from raytide.kernels import RECORDS, Features, Source, assemble
 from raytide.kernels.records import NONE
 
 if TYPE_CHECKING:
-    from raytide.device import Device
+    from raytide.device import Buffer, Device, Program
 
 _MOST_TRIANGLES = 1 << 27  # places that a child word can name
 _LOCAL = 64
@@ -33,28 +33,17 @@ def compact_tree(tree: Tree, geometry: FlatGeometry, device: Device) -> Tree:
     """
     begun = time.perf_counter()
     program = device.build({"compact": compact_source()})["compact"]
-    node, triangle = RECORDS["CompactNode"], RECORDS["CompactTriangle"]
-    first = first_triangles(tree.nodes["child"], tree.block_count)
-    count, node_count = int(first[-1]), len(tree.nodes)
-    if count > _MOST_TRIANGLES:
-        raise UsageError(f"{count} triangles in leaves; a compact tree holds at most {_MOST_TRIANGLES}")
-    nodes, triangles = device.empty(node_count * node.size), device.empty(count * triangle.size)
-    places, wide = device.upload(first), tree.buffers(device)
-    for kernel, items, source, target in (
-        ("compact_nodes", node_count, wide[0], nodes),
-        ("compact_triangles", tree.block_count, wide[1], triangles),
-    ):
-        if items:
-            device.launch(program, kernel, items, _LOCAL, np.uint32(items), source, places, target, label="build")
+    nodes, triangles, count = compact_buffers(device, program, tree.nodes, tree.buffers(device), tree.block_count)
+    node, triangle = RECORDS["CompactNode"].dtype, RECORDS["CompactTriangle"].dtype
     packed = Packed(
-        device.read(nodes, node.dtype, node_count),
+        device.read(nodes, node, len(tree.nodes)),
         count,
-        lambda: device.read(triangles, triangle.dtype, count),
+        lambda: device.read(triangles, triangle, count),
         tree.level_starts,
         (nodes, triangles),
         device,
     )
-    size = node_count * node.size + count * triangle.size
+    size = packed.nodes.nbytes + count * triangle.itemsize
     compiled = program.build_s + program.first_launch_s
     stats = replace(
         tree.stats,
@@ -65,6 +54,27 @@ def compact_tree(tree: Tree, geometry: FlatGeometry, device: Device) -> Tree:
         kernel_build_s=tree.stats.kernel_build_s + compiled,
     )
     return Tree(packed, stats)
+
+
+def compact_buffers(
+    device: Device, program: Program, nodes: np.ndarray, wide: tuple[Buffer, Buffer], block_count: int
+) -> tuple[Buffer, Buffer, int]:
+    """Compact nodes, triangles, and the number of these. `wide` are nodes and blocks on the device, `nodes` the former
+    on the host; `program` is that of `compact_source`."""
+    first = first_triangles(nodes["child"], block_count)
+    count = int(first[-1])
+    if count > _MOST_TRIANGLES:
+        raise UsageError(f"{count} triangles in leaves; a compact tree holds at most {_MOST_TRIANGLES}")
+    packed = device.empty(len(nodes) * RECORDS["CompactNode"].size)
+    triangles = device.empty(count * RECORDS["CompactTriangle"].size)
+    places = device.upload(first)
+    for kernel, items, source, target in (
+        ("compact_nodes", len(nodes), wide[0], packed),
+        ("compact_triangles", block_count, wide[1], triangles),
+    ):
+        if items:
+            device.launch(program, kernel, items, _LOCAL, np.uint32(items), source, places, target, label="build")
+    return packed, triangles, count
 
 
 def first_triangles(child: np.ndarray, block_count: int) -> np.ndarray:

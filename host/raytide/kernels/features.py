@@ -44,6 +44,7 @@ class Features:
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
+    compact: bool = False  # trees in the compact layout, else the wide one
     counters: bool = False  # instrumented build
 
     @property
@@ -57,6 +58,7 @@ class Features:
             on |= {kind: kind in present for kind in kinds(group)}
         on["analytic"] = any(shape != "plane" for shape in self.shapes)
         on["lights"] = bool(self.lights)
+        on["compact"] = self.compact and self.tree
         return dict(sorted(on.items()))
 
     def left_out(self) -> list[str]:

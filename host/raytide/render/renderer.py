@@ -7,11 +7,12 @@ import time
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from raytide.accel import FlatGeometry, Tree, build_tree, tree_sources
+from raytide.accel import FlatGeometry, Tree, build_tree, compact_source, compact_tree, tree_sources
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
 from raytide.kernels.constants import TILE, TILE_SIDE
@@ -34,9 +35,10 @@ class Renderer:
 
     `memory` bounds the wave buffers in bytes; `everything` builds kernels with every feature (to see what leaving
     out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
-    `traversal` says how rays in tile order are traced: "single", "packet" (64 together) or "auto", by the device;
-    the picture is the same, bit for bit. `settings` override keys of the scene's [render] table and camera `size`. Use
-    as a context manager. Two renderers may share a Device, one after the other: device times are counted by device.
+    `traversal` says how rays are traced: "single", "packet" (64 together where they are in tile order), "compact"
+    (single, through a tree of small nodes) or "auto", by the device; the picture is the same, bit for bit.
+    `settings` override keys of the scene's [render] table and camera `size`. Use as a context manager. Two renderers
+    may share a Device, one after the other: device times are counted by device.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -61,7 +63,7 @@ class Renderer:
         self.stopped_by: str | None = None
         self.frame: Frame | None = None
         self.waves: Waves | None = None
-        self._tree_of: tuple[FlatGeometry, str] | None = None
+        self._tree_of: tuple[FlatGeometry, str, bool] | None = None
         self._film: weakref.ref[Film] | None = None
         self._stop = threading.Event()
         self._owns_device = not isinstance(device, Device)
@@ -95,7 +97,9 @@ class Renderer:
         with self._timed("pack"):
             self.flat: FlatScene = with_settings(self.scene.flatten(), self.settings)
             self.scene_sha256 = self.scene.sha256()
-            self.features: Features = features_of(self.flat, self.everything)
+            features = features_of(self.flat, self.everything)
+            compact = schedule.uses_compact(self.traversal, self.device.kind, features)
+            self.features: Features = replace(features, compact=compact)
             self.packed: PackedScene = pack(self.flat, self.features)
         with self._timed("kernels"):
             self._build()
@@ -110,24 +114,26 @@ class Renderer:
         waves += [schedule.AOV] if self.early_layers else []
         if schedule.uses_packets(self.traversal, self.device.kind, self.features):
             waves += [w for w in schedule.PACKET_WAVES if w.needed(self.features)]
-        sources = {wave.name: assemble(wave.entry, self.features) for wave in waves}
+        sources = {wave.name: assemble(wave.entry, wave.features(self.features)) for wave in waves}
         sources |= tree_sources(self.packed.geometry, self.flat.render.bvh)
+        sources |= {"compact": compact_source()} if self.features.compact else {}
         kept = {name: p for name, p in self.programs.items() if self.sources.get(name) == sources.get(name)}
         missing = {name: source for name, source in sources.items() if name not in kept}
         self.sources = sources
         self.programs = kept | (self.device.build(missing) if missing else {})
 
     def _build_tree(self) -> None:
-        """The tree stays while geometry and builder do."""
-        geometry, builder = self.packed.geometry, self.flat.render.bvh
-        if self._tree_of is None or self._tree_of[1] != builder or not _same(self._tree_of[0], geometry):
-            self.tree: Tree = build_tree(geometry, builder, self.device)
-            self._tree_of = (geometry, builder)
+        """The tree stays while geometry, builder and layout do."""
+        geometry, how = self.packed.geometry, (self.flat.render.bvh, self.features.compact)
+        if self._tree_of is None or self._tree_of[1:] != how or not _same(self._tree_of[0], geometry):
+            tree = build_tree(geometry, how[0], self.device)
+            self.tree: Tree = compact_tree(tree, geometry, self.device) if self.features.compact else tree
+            self._tree_of = (geometry, *how)
 
     def program(self, wave: schedule.Wave) -> Program:
         """The program of a wave that is not in every schedule, built when it is first asked for."""
         if wave.name not in self.programs:
-            source = assemble(wave.entry, self.features)
+            source = assemble(wave.entry, wave.features(self.features))
             self.sources[wave.name] = source
             self.programs |= self.device.build({wave.name: source})
         return self.programs[wave.name]

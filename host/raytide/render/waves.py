@@ -65,6 +65,7 @@ class SceneBuffers:
             np.uint32(len(flat.shapes)),
             np.uint32(flat.plane_count),
         )
+        self.one_by_one = "compact" if tree.stats.layout == "compact" else "single"  # how a ray alone is traced
         self.objects = device.upload(packed.objects)
         self.materials = device.upload(packed.materials)
         self.lights = device.upload(packed.lights)
@@ -88,7 +89,7 @@ class Waves:
         self.pixels_of = pixels_of
         self.rays = RayCounts()
         self.observe: Observer | None = None
-        self.traced_by: dict[str, str] = {}  # launch label -> "single" or "packet"
+        self.traced_by: dict[str, str] = {}  # launch label -> "single", "packet" or "compact"
         slots = plan.capacity
         ray = RECORDS["Ray"].size
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
@@ -150,7 +151,7 @@ class Waves:
     def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
         """Traces `count` rays, 64 an item where their queue is in tile order and packets were built."""
         packet = label in TILE_ORDERED and f"{wave}_packet" in self.programs
-        self.traced_by[label] = "packet" if packet else "single"
+        self.traced_by[label] = "packet" if packet else self.scene.one_by_one
         name = f"{wave}_packet" if packet else wave
         items, local = (-(-count // TILE), PACKET_LOCAL_SIZE) if packet else (count, 64)
         self.device.launch(self.programs[name], name, items, local, *self.scene.geometry, *arguments, label=label)
