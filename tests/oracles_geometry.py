@@ -12,12 +12,14 @@ from functools import cache
 
 import numpy as np
 
+from raytide.accel.compact import compact_buffers, compact_source
 from raytide.kernels import NONE, RECORDS, Features, assemble
 from raytide.kernels.features import kind_number
-from trace_programs import PACKET_KERNELS, TRACE_KERNELS
+from trace_programs import CLOSEST_KERNEL, PACKET_KERNELS, TRACE_KERNELS
 
 FAR = np.float32(3.0e38)
 SHAPES = ("box", "disk", "plane", "rectangle", "sphere")
+
 
 def features(tree: bool = True, triangles: bool = True, shapes: tuple[str, ...] = SHAPES, **more: bool) -> Features:
     """Switches of a test program."""
@@ -77,6 +79,23 @@ def plane_record(point: object, normal: object) -> np.ndarray:
     u = np.cross(n, [1.0, 0, 0] if abs(n[0]) < 0.8 else [0, 1.0, 0])
     u /= np.linalg.norm(u)
     return shape_record("plane", point, [u, np.cross(n, u), n])
+
+
+def crowd(triangles: int, seed: int = 1) -> Mesh:
+    """Random triangles and shapes of all kinds, some thin, some far larger than others."""
+    rng = np.random.default_rng(seed)
+    corners = rng.normal(size=(triangles, 1, 3)) * 2 + rng.normal(size=(triangles, 3, 3)) * rng.choice([0.05, 0.3, 2.0])
+    shapes = [plane_record((0, -4, 0), (0.1, 1, 0.2)), plane_record((0, 0, -7), (0, 0, 1))]
+    shapes += [sphere_record(rng.normal(size=3) * 3, 0.1 + 0.2 * i) for i in range(5)]
+    shapes += [
+        shape_record("box", rng.normal(size=3) * 3, np.linalg.qr(rng.normal(size=(3, 3)))[0] * (0.2, 0.5, 0.9))
+        for _ in range(4)
+    ]
+    for kind in ("rectangle", "disk"):
+        for _ in range(4):
+            frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            shapes.append(shape_record(kind, rng.normal(size=3) * 3, frame * np.array([[0.7], [0.4], [1.0]])))
+    return soup(corners, shapes=np.concatenate(shapes), planes=2)
 
 
 def _shape_boxes(shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,9 +194,16 @@ class Tracer:
     """A geometry on a device, with or without its tree, and the kernels above."""
 
     def __init__(
-        self, device: object, geometry: Mesh, program: object, tree: object = True, packets: object = None
+        self,
+        device: object,
+        geometry: Mesh,
+        program: object,
+        tree: object = True,
+        packets: object = None,
+        compact: object = None,
     ) -> None:
-        self.device, self.program, self.geometry, self.packets = device, program, geometry, packets
+        self.device, self.program, self.geometry = device, program, geometry
+        self.packets, self.compact = packets, compact
         if tree is True:
             nodes, blocks = simple_tree(geometry)
         elif tree is False:
@@ -189,12 +215,18 @@ class Tracer:
         self.arguments = [device.upload(array) for array in arrays]  # type: ignore[attr-defined]
         counts = (len(blocks), len(geometry.triangles), len(geometry.shapes), geometry.planes)
         self.arguments += [np.uint32(n) for n in counts]
+        if compact is not None:
+            packing = programs(device)["packing"]
+            wide = (self.arguments[0], self.arguments[1])
+            *buffers, count = compact_buffers(device, packing, nodes, wide, len(blocks))  # type: ignore[arg-type]
+            self.compact_arguments = [*buffers, *self.arguments[2:6], np.uint32(count), *self.arguments[7:]]
 
     def _launch(self, kernel: str, count: int, *arguments: object) -> None:
         self.device.launch(self.program, kernel, (count,), (64,), *self.arguments, np.uint32(count), *arguments)  # type: ignore[attr-defined]
 
     def trace(self, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Hit records, and whether any-hit met something (bool). With a tree, packets must give the same bits."""
+        """Hit records, and whether any-hit met something (bool). With a tree, packets and the compact layout must give
+        the same bits."""
         device, count = self.device, len(rays)
         given = device.upload(rays)  # type: ignore[attr-defined]
         hits, met = device.empty(16 * count), device.empty(4 * count)  # type: ignore[attr-defined]
@@ -206,9 +238,18 @@ class Tracer:
             for any_hit in (0, 1):
                 device.launch(self.packets, "closest_packet", (-(-count // 64),), (4,), *self.arguments,  # type: ignore[attr-defined]
                               np.uint32(count), queue, given, np.uint32(any_hit), hits, met)  # fmt: skip
-            assert device.read(hits, RECORDS["Hit"].dtype, count).tobytes() == found.tobytes()  # type: ignore[attr-defined]
-            assert np.array_equal(device.read(met, np.uint32, count) != 0, anything)  # type: ignore[attr-defined]
+            self._expect(hits, met, found, anything)
+        if self.compact is not None:
+            device.fill(hits, 0)  # type: ignore[attr-defined]
+            device.launch(self.compact, "closest", (count,), (64,), *self.compact_arguments, np.uint32(count),  # type: ignore[attr-defined]
+                          given, hits, met)  # fmt: skip
+            self._expect(hits, met, found, anything)
         return found, anything
+
+    def _expect(self, hits: object, met: object, found: np.ndarray, anything: np.ndarray) -> None:
+        count, read = len(found), self.device.read  # type: ignore[attr-defined]
+        assert read(hits, RECORDS["Hit"].dtype, count).tobytes() == found.tobytes()
+        assert np.array_equal(read(met, np.uint32, count) != 0, anything)
 
     def surfaces(self, rays: np.ndarray, hits: np.ndarray, onward: np.ndarray) -> dict[str, np.ndarray]:
         """Surfaces at hits, and where rays in directions `onward` (n, 3) leave them."""
@@ -247,8 +288,10 @@ class Tracer:
 
 @cache
 def programs(device: object) -> dict[str, object]:
-    """The programs that all tests share: "tree", "packets" beside it, and "all" for brute force."""
+    """The programs that all tests share: "tree", "packets" and "compact" beside it, and "all" for brute force."""
     sources = {
+        "packing": compact_source(),
+        "compact": assemble("", features(tree=True, compact=True), CLOSEST_KERNEL),
         "packets": assemble("", features(tree=True), PACKET_KERNELS),
         "tree": assemble("", features(tree=True), TRACE_KERNELS),
         "all": assemble("", features(tree=False), TRACE_KERNELS),
@@ -261,7 +304,7 @@ def tracer(device: object, geometry: Mesh, tree: object = True) -> Tracer:
     built = programs(device)
     if tree is False:
         return Tracer(device, geometry, built["all"], False)
-    return Tracer(device, geometry, built["tree"], tree, built["packets"])
+    return Tracer(device, geometry, built["tree"], tree, built["packets"], built["compact"])
 
 
 def ring_sphere(rings: int, segments: int, center: object = (0, 0, 0)) -> Mesh:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-TRACE_KERNELS = """
+CLOSEST_KERNEL = """
 #include "accel/traverse.cl"
 VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void closest(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global Hit *hits, global uint *met)
@@ -15,7 +15,11 @@ kernel void closest(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays
     hits[i] = trace_closest(g, rays[i]);
     met[i] = (uint)trace_any(g, rays[i]);
 }
+"""
 
+TRACE_KERNELS = (
+    CLOSEST_KERNEL
+    + """
 kernel void surfaces(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global const Hit *hits,
                      global float4 *out)
 {
@@ -87,6 +91,7 @@ kernel void picked(GEOMETRY_ARGUMENTS, const uint count, const uint shape, globa
     out[3u * i + 2u] = make4(wi, shape_pdf(s, xyz(from[i]), p, ng, wi));
 }
 """
+)
 
 PACKET_KERNELS = """
 #include "accel/packet.cl"

@@ -16,9 +16,22 @@
 // Inner nodes from root to leaf at most; builders keep to it. Each visit leaves at most 7 children for later, so the
 // stack can never overflow.
 #define MAX_DEPTH 40
+#if HAS_COMPACT
+#define STACK_SIZE (MAX_DEPTH + 2)  // one entry holds all the children of a node that are left
+typedef CompactNode TreeNode;
+typedef CompactTriangle TreeLeaf;
+#else
 #define STACK_SIZE (7 * MAX_DEPTH + 2)
+typedef Node TreeNode;
+typedef Block TreeLeaf;
+#endif
+
+#define STACK_END 0xffffffffu  // child word of the entry below all others; no leaf has it
 
 #define UNIT_ROUNDOFF 5.9604645e-8f  // 2^-24
+
+// Stack entries are entry distance << 32 | child; distances are not negative, so they order as their bits do.
+static ulong stack_entry(const float enter, const uint child) { return ((ulong)bits_of(enter) << 32) | child; }
 
 #if HAS_COUNTERS
 // What one ray, or a group of rays, touched. The bitmaps may be null.
@@ -31,8 +44,8 @@ typedef struct {
 #endif
 
 typedef struct {
-    global const Node *nodes;
-    global const Block *blocks;
+    global const TreeNode *nodes;
+    global const TreeLeaf *blocks;
     global const Triangle *triangles;
     global const Vertex *vertices;
     global const Normal *normals;
@@ -82,7 +95,7 @@ typedef struct {
 // Parameters, in this order, of every kernel that knows the geometry; such a kernel starts with
 // `const Geometry g = GEOMETRY_OF_ARGUMENTS;`
 #define GEOMETRY_ARGUMENTS                                                                                            \
-    global const Node *nodes, global const Block *blocks, global const Triangle *triangles,                           \
+    global const TreeNode *nodes, global const TreeLeaf *blocks, global const Triangle *triangles,                    \
         global const Vertex *vertices, global const Normal *normals, global const Shape *shapes,                      \
         const uint block_count, const uint triangle_count, const uint shape_count, const uint plane_count             \
         INSTANCE_ARGUMENTS KIND_ARGUMENT

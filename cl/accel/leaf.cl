@@ -12,7 +12,7 @@
 typedef struct {
     float t;     // scaled; t_max until something is met
     uint prim;   // NONE until something is met
-    uint place;  // of a triangle: block * 8 + lane
+    uint place;  // of a triangle: block * 8 + lane; compact: its record
 } Closest;
 
 typedef struct {
@@ -33,6 +33,17 @@ static int better(const Closest *best, const float t, const uint prim)
 }
 
 #if HAS_TRIANGLES
+// t of a triangle met at `depth`, no earlier than its box; negative if the box is not met up to `limit`. w = 0.
+ALWAYS_INLINE static float corners_t(const float4 a, const float4 b, const float4 c, const Query *q,
+                                     const float depth, const float limit)
+{
+    float enter;
+    const int met = box_met(q->slab, min4(a, min4(b, c)), max4(a, max4(b, c)), limit, &enter);
+    return met ? max_of(depth / q->shear.length_z, enter * NEAR_SCALE) : NO_HIT;
+}
+#endif
+
+#if HAS_TRIANGLES && !HAS_COMPACT
 static float4 lane_vertex(global const Block *block, const uint vertex, const uint lane)
 {
     global const float *values = (global const float *)block + (24u * vertex + lane);
@@ -46,16 +57,13 @@ static float3 lane_corner(global const char *lane, const uint4 rows)
                     *(global const float *)(lane + rows.z));
 }
 
-// t of a triangle met at `depth`, no earlier than its box; negative if the box is not met up to `limit`.
 ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane, const Query *q,
                                       const float depth, const float limit)
 {
     const float4 a = lane_vertex(block, 0u, lane);
     const float4 b = lane_vertex(block, 1u, lane);
     const float4 c = lane_vertex(block, 2u, lane);
-    float enter;
-    const int met = box_met(q->slab, min4(a, min4(b, c)), max4(a, max4(b, c)), limit, &enter);
-    return met ? max_of(depth / q->shear.length_z, enter * NEAR_SCALE) : NO_HIT;
+    return corners_t(a, b, c, q, depth, limit);
 }
 
 #if HAS_VISIBILITY
@@ -104,6 +112,22 @@ static int visit_block(const Geometry g, const Query *q, const uint index, Close
         }
     }
     return found;
+}
+
+// The same for the leaf that a child word names.
+static int visit_triangles(const Geometry g, const Query *q, const uint child, Closest *best)
+{
+    return visit_block(g, q, (child & CHILD_BLOCK_MASK) >> 3, best);
+}
+
+// Weights of the second and third vertex where the ray meets the triangle at `place`.
+static float2 uv_at(const Geometry g, const Query *q, const uint place)
+{
+    global const char *lane = (global const char *)(g.blocks + (place >> 3)) + 4u * (place & 7u);
+    float2 uv;
+    triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
+                   lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
+    return uv;
 }
 #endif
 

@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/vector.cl"
 #include "accel/geometry.cl"
+#include "accel/compact_grid.cl"
 // A ray as the traversal wants it: direction scaled by a power of two so that its largest component is in [1, 2),
 // t in lengths of that direction. Scaling by powers of two is exact: it changes no decision at any scale.
 
@@ -30,6 +31,13 @@ static uint largest_bits(const uint4 magnitudes)
 static int has_nodes(const Geometry g) { return g.block_count > 0u || g.shape_count > g.plane_count; }
 #endif
 
+#if HAS_COMPACT
+// Largest coordinate magnitude of the geometry; its order of magnitude is enough. From the root's grid.
+static float geometry_extent(const Geometry g)
+{
+    return has_nodes(g) ? grid_reach(g.nodes[0].grid) : 0.0f;
+}
+#else
 static float largest8(const float8 v)
 {
     const float4 four = v.lo > v.hi ? v.lo : v.hi;
@@ -61,6 +69,7 @@ static float geometry_extent(const Geometry g)
 #endif
     return largest8(largest);
 }
+#endif
 
 // 0 for rays that miss at once: anything not finite, no direction, or an interval that is empty. No branch but one:
 // this is a third of what a ray costs that meets little.

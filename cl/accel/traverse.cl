@@ -5,11 +5,11 @@
 #include "accel/box.cl"
 #include "accel/watertight.cl"
 #include "accel/leaf.cl"
+#include "accel/compact_leaf.cl"
+#include "accel/compact_walk.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
 // One ray through everything: closest hit and any hit from one source, with the tree or by brute force.
-
-#define STACK_END 0xffffffffu  // child word of the entry below all others; no leaf has it
 
 #if HAS_INSTANCES
 static int visit_instance(const Geometry g, const Query *q, const uint index, const int any, Closest *best);
@@ -34,15 +34,13 @@ static int visit_leaf(const Geometry g, const Query *q, const uint child, const 
     }
 #endif
 #if HAS_TRIANGLES
-    return visit_block(g, q, (child & CHILD_BLOCK_MASK) >> 3, best);
+    return visit_triangles(g, q, child, best);
 #else
     return 0;
 #endif
 }
 
-// Stack entries are entry distance << 32 | child; distances are not negative, so they order as their bits do.
-static ulong stack_entry(const float enter, const uint child) { return ((ulong)bits_of(enter) << 32) | child; }
-
+#if !HAS_COMPACT
 static ulong child_entry(private const float *enters, global const Node *node, const uint lane)
 {
     return stack_entry(enters[lane], ((global const uint *)&node->child)[lane]);
@@ -150,6 +148,8 @@ ALWAYS_INLINE static uint next_leaf(const Geometry g, private const SlabRay *sla
     }
 }
 
+#endif
+
 // The tree below node `root`; the stack is free from `top` on. Whether anything beat `best`, which it is then.
 static int trace_tree(const Geometry g, const Query *q, const uint root, const int any, private ulong *top,
                       Closest *best)
@@ -237,18 +237,6 @@ static int prepare_query(const float extent, const Ray ray, Query *q)
 
 #include "accel/instance.cl"
 
-#if HAS_TRIANGLES
-static void set_weights(const Geometry g, const Query *q, const uint place, Hit *hit)
-{
-    global const char *lane = (global const char *)(g.blocks + (place >> 3)) + 4u * (place & 7u);
-    float2 uv;
-    triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
-                   lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
-    hit->u = uv.x;
-    hit->v = uv.y;
-}
-#endif
-
 // Hit record of a winner. u and v, and t from the same numbers, come from this one place for every variant.
 static Hit hit_of(const Geometry g, const Query *q, const Closest best)
 {
@@ -259,7 +247,9 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
     hit.prim = best.prim;
 #if HAS_TRIANGLES
     if (best.prim < g.triangle_count) {
-        set_weights(g, q, best.place, &hit);
+        const float2 uv = uv_at(g, q, best.place);
+        hit.u = uv.x;
+        hit.v = uv.y;
     }
 #endif
 #if HAS_INSTANCES
@@ -268,7 +258,9 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
         uint triangle;
         global const Shape *s = g.shapes + instance_of(g, best.prim, &triangle);
         move_query(q, s, g.meshes[s->mesh].extent, best.t, &inner);
-        set_weights(g, &inner, best.place, &hit);
+        const float2 uv = uv_at(g, &inner, best.place);
+        hit.u = uv.x;
+        hit.v = uv.y;
     }
 #endif
     return hit;

@@ -94,9 +94,9 @@ static uint triangles_met8(global const Block *block, const Shear s, const float
     return movemask8(sheared_met8(v, (float8)(limit), depth));
 }
 
-// The same for one triangle whose vertices' components are already in the order of the shear's axes: the function
-// that every variant of the traversal ends in. Depth is scaled; u, v weigh vertices b and c.
-static float triangle_depth(const Shear s, const float3 a, const float3 b, const float3 c, float2 *uv)
+// The same for one triangle whose vertices' components are already in the order of the shear's axes: edge functions in
+// xyz, scaled depth in w.
+static float4 triangle_edges(const Shear s, const float3 a, const float3 b, const float3 c)
 {
     const float az = fma_of(a.z, s.scale_z, s.shift.z);
     const float bz = fma_of(b.z, s.scale_z, s.shift.z);
@@ -110,7 +110,23 @@ static float triangle_depth(const Shear s, const float3 a, const float3 b, const
     const float u = difference_of_products(cx, by, cy, bx);
     const float v = difference_of_products(ax, cy, ay, cx);
     const float w = difference_of_products(bx, ay, by, ax);
-    const float sum = (u + v) + w;
-    *uv = (float2)(v / sum, w / sum);
-    return az + fma_of(v, bz - az, w * (cz - az)) / sum;
+    return (float4)(u, v, w, az + fma_of(v, bz - az, w * (cz - az)) / ((u + v) + w));
+}
+
+// The function that every variant of the traversal ends in: scaled depth; u, v weigh vertices b and c.
+static float triangle_depth(const Shear s, const float3 a, const float3 b, const float3 c, float2 *uv)
+{
+    const float4 e = triangle_edges(s, a, b, c);
+    const float sum = (e.x + e.y) + e.z;
+    *uv = (float2)(e.y / sum, e.z / sum);
+    return e.w;
+}
+
+// Whether the ray meets the triangle at a scaled depth in [0, limit], and that depth: one lane of sheared_met8.
+static int triangle_met(const Shear s, const float3 a, const float3 b, const float3 c, const float limit, float *depth)
+{
+    const float4 e = triangle_edges(s, a, b, c);
+    const int inside = (min_of(min_of(e.x, e.y), e.z) >= 0.0f) | (max_of(max_of(e.x, e.y), e.z) <= 0.0f);
+    *depth = e.w;
+    return inside & ((e.x + e.y) + e.z != 0.0f) & (e.w >= 0.0f) & (e.w <= limit);
 }

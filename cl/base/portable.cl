@@ -110,6 +110,15 @@ static float8 float8_of(const int8 x)
 #endif
 }
 
+static float4 float4_of(const int4 x)
+{
+#if CLANG_BUILTINS && __has_builtin(__builtin_convertvector)
+    return __builtin_convertvector(x, float4);
+#else
+    return convert_float4(x);
+#endif
+}
+
 // Bit k is set where lane k of a comparison's result is true.
 static uint movemask8(const int8 lanes)
 {

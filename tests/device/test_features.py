@@ -31,9 +31,10 @@ def each_alone() -> dict[str, Features]:
 
 def test_all_none_and_each_switch_alone_build_without_a_warning(device: Device) -> None:
     sources = {}
-    for name, features in {"none": NONE_ON, "all": ALL_ON, **each_alone()}.items():
+    wide = {"all, wide": replace(ALL_ON, compact=False), "compact": replace(NONE_ON, tree=True, compact=True)}
+    for name, features in {"none": NONE_ON, "all": ALL_ON, **wide, **each_alone()}.items():
         for wave in (*WAVES, *(PACKET_WAVES if features.tree else ()), AOV):
-            source = assemble(wave.entry, features)
+            source = assemble(wave.entry, wave.features(features))
             sources.setdefault(source.sha256, (f"{wave.name}, {name}", source))
     numbered = enumerate(sources.values())
     programs = device.build({label: replace(source, name=f"f{i}") for i, (label, source) in numbered})
@@ -44,3 +45,4 @@ def test_all_none_and_each_switch_alone_build_without_a_warning(device: Device) 
 def test_none_leaves_out_every_kind_and_all_leaves_out_nothing() -> None:
     assert ALL_ON.left_out() == []
     assert set(NONE_ON.left_out()) == set(NONE_ON.switches())
+    assert "compact" in replace(NONE_ON, compact=True).left_out()  # a layout of the tree is nothing without one

@@ -7,9 +7,9 @@ import pytest
 
 from oracles_geometry import (
     FAR,
-    Mesh,
     blocks_in_order,
     closest_triangle,
+    crowd,
     mesh,
     plane_record,
     rays_of,
@@ -17,27 +17,26 @@ from oracles_geometry import (
     shape_record,
     simple_tree,
     soup,
-    sphere_record,
     tracer,
 )
+from raytide.accel.limits import max_depth
 from raytide.kernels import NONE, RECORDS
 
 
-def crowd(triangles: int, seed: int = 1) -> Mesh:
-    """Random triangles and shapes of all kinds, some thin, some far larger than others."""
-    rng = np.random.default_rng(seed)
-    corners = rng.normal(size=(triangles, 1, 3)) * 2 + rng.normal(size=(triangles, 3, 3)) * rng.choice([0.05, 0.3, 2.0])
-    shapes = [plane_record((0, -4, 0), (0.1, 1, 0.2)), plane_record((0, 0, -7), (0, 0, 1))]
-    shapes += [sphere_record(rng.normal(size=3) * 3, 0.1 + 0.2 * i) for i in range(5)]
-    shapes += [
-        shape_record("box", rng.normal(size=3) * 3, np.linalg.qr(rng.normal(size=(3, 3)))[0] * (0.2, 0.5, 0.9))
-        for _ in range(4)
-    ]
-    for kind in ("rectangle", "disk"):
-        for _ in range(4):
-            frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-            shapes.append(shape_record(kind, rng.normal(size=3) * 3, frame * np.array([[0.7], [0.4], [1.0]])))
-    return soup(corners, shapes=np.concatenate(shapes), planes=2)
+def deepest_tree(blocks: np.ndarray, depth: int) -> np.ndarray:
+    """Nodes of a chain: each holds the next one and seven leaves of a triangle each, all in the box of everything; the
+    last holds nothing but the leaves."""
+    nodes = np.zeros(depth, RECORDS["Node"].dtype)
+    nodes["child"] = 0x80000000 | np.arange(8 * depth, dtype=np.uint32).reshape(depth, 8) // 8 * 56
+    nodes["child"] += (np.arange(8, dtype=np.uint32) - 1) * 8  # leaves 7 k + lane - 1 of node k
+    nodes["child"][:, 0] = np.arange(1, depth + 1)
+    nodes["child"][-1, 0] = NONE
+    assert nodes["child"][-1, 7] == 0x80000000 | (len(blocks) - 1) << 3
+    for axis in "xyz":
+        rows = np.stack([blocks[f"v{i}{axis}"][:, 0] for i in range(3)])
+        nodes["lo" + axis], nodes["hi" + axis] = rows.min() - np.float32(0.01), rows.max() + np.float32(0.01)
+        nodes["lo" + axis][-1, 0], nodes["hi" + axis][-1, 0] = 1e30, -1e30
+    return nodes
 
 
 def scattered(count: int, seed: int = 2) -> np.ndarray:
@@ -157,6 +156,20 @@ def test_the_closest_triangle_is_that_of_float64(device: object) -> None:
     met = same & (index >= 0)
     assert met.sum() > 5_000
     assert np.median(np.abs(hits["t"][met] / t[met] - 1)) < 1e-7
+
+
+def test_the_deepest_tree_that_builders_may_give_is_traced_to_its_end(device: object) -> None:
+    """The chain is walked before the leaves beside it, so that the stack holds all that it ever can."""
+    depth = max_depth()
+    geometry = soup(np.random.default_rng(29).normal(size=(7 * depth, 3, 3)))
+    one_each = [blocks_in_order(mesh(c.reshape(-1, 3), np.array([[0, 1, 2]]))) for c in geometry.corners]
+    blocks = np.concatenate(one_each)
+    blocks["prim"][:, 0] = np.arange(len(blocks))
+    rays = scattered(5_000)
+    by_chain, met = tracer(device, geometry, (deepest_tree(blocks, depth), blocks)).trace(rays)
+    by_force, _ = tracer(device, geometry, False).trace(rays)
+    assert by_chain.tobytes() == by_force.tobytes() and np.array_equal(met, by_force["prim"] != NONE)
+    assert len(np.unique(by_chain["prim"])) > 100
 
 
 @pytest.mark.parametrize("tree", [True, False])

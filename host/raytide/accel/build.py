@@ -116,6 +116,7 @@ def _stats(
     return TreeStats(
         builder=builder,
         place=place,
+        layout="wide",
         nodes=len(packed.nodes),
         leaves=int(((child != NONE) & (child >= LEAF_BIT)).sum()) if builder != "none" else packed.block_count,
         depth=len(packed.level_starts),

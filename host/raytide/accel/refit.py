@@ -20,8 +20,11 @@ def refit_tree(tree: Tree, geometry: FlatGeometry, device: Device) -> Tree:
     """`tree` around `geometry`, which has the tree's triangles and shapes at other positions. `tree` is left as it is.
 
     Far quicker than a build and right for any motion, but the cost of tracing grows as neighbours part:
-    compare `stats.sah_cost`. Boxes are those that a builder gives, rounded outward once.
+    compare `stats.sah_cost`. Boxes are those that a builder gives, rounded outward once. Raises ValueError for a tree
+    in another layout than the wide one: refit that, then pack it again.
     """
+    if tree.stats.layout != "wide":
+        raise ValueError(f"a tree in the {tree.stats.layout} layout cannot be refitted")
     program = device.build({"bvh": build_source()})["bvh"]
     node_type, block_type = RECORDS["Node"].dtype, RECORDS["Block"].dtype
     nodes, blocks = device.upload(tree.nodes), device.upload(tree.blocks)

@@ -54,6 +54,7 @@ class TreeStats:
 
     builder: str  # what ran: "sah" where another tree was too deep, or "sah-hq" on the host
     place: str  # "device" or "host"
+    layout: str  # "wide": records Node and Block; "compact": CompactNode and CompactTriangle
     nodes: int
     leaves: int
     depth: int  # inner nodes from root to leaf, at most

@@ -80,7 +80,7 @@ def render(
         bool, Parameter(negative="", help="measure how coherent each wave's rays are, into --report")
     ] = False,
     everything: Annotated[bool, Parameter(negative="", help="leave nothing out of the kernels, to compare")] = False,
-    traversal: Annotated[str, Parameter(help="rays in tile order: single, packet or auto; same picture")] = "auto",
+    traversal: Annotated[str, Parameter(help="of rays: single, packet, compact or auto; same picture")] = "auto",
     explain: Annotated[
         bool, Parameter(negative="", help="show each setting's value and origin; without -o render nothing")
     ] = False,

@@ -51,6 +51,7 @@ class Features:
     tangents: bool = False  # any material that differs along the surface's two directions
     instances: bool = False  # meshes that several objects share
     visibility: bool = False  # objects that some kinds of ray do not meet
+    compact: bool = False  # trees in the compact layout, else the wide one
     counters: bool = False  # instrumented build
 
     @property
@@ -70,6 +71,7 @@ class Features:
         on["textured"] = bool(self.textures)  # materials
         on["textures"] = on["textured"] or "environment_map" in self.lights  # buffers of texels
         on["triangles"] |= self.instances  # which are made of them
+        on["compact"] = self.compact and self.tree
         return dict(sorted(on.items()))
 
     def left_out(self) -> list[str]:

@@ -122,6 +122,22 @@ _TABLE = (
         ("uint8", "prim", "", "triangle ids"),
     ),
     _record(
+        "CompactNode",
+        "Node with the boxes of its children in steps of a grid of its own; for devices short of bandwidth",
+        ("float4", "grid", "m", "xyz = lowest corner; w = bits: exponents of the steps along x, y, z; filled lanes"),
+        ("uint4", "x", "steps", "bytes: lower bounds of the 8 children, then upper bounds"),
+        ("uint4", "y", "steps", "bytes"),
+        ("uint4", "z", "steps", "bytes"),
+        ("uint8", "child", "", "as in Node, but leaves are first CompactTriangle << 3 | count - 1"),
+    ),
+    _record(
+        "CompactTriangle",
+        "Whole vertices of one triangle of a leaf",
+        ("float4", "a", "m", "xyz; w = bits of the triangle id"),
+        ("float4", "b", "m", "xyz; w = 0"),
+        ("float4", "c", "m", "xyz; w = 0"),
+    ),
+    _record(
         "Triangle",
         "Vertex indices and object of one triangle",
         ("uint4", "v", "", "xyz = vertices counter-clockwise seen from the front; w = object and HIDDEN_FROM_*"),

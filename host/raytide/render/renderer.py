@@ -7,11 +7,12 @@ import time
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from raytide.accel import FlatGeometry, Forest, Tree, build_tree, tree_sources
+from raytide.accel import FlatGeometry, Forest, Tree, build_tree, compact_source, compact_tree, tree_sources
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
 from raytide.kernels.constants import TILE, TILE_SIDE
@@ -35,9 +36,10 @@ class Renderer:
 
     `memory` bounds the wave buffers in bytes; `everything` builds kernels with every feature (to see what leaving
     out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
-    `traversal` says how rays in tile order are traced: "single", "packet" (64 together) or "auto", by the device;
-    the picture is the same, bit for bit. `settings` override keys of the scene's [render] table and camera `size`. Use
-    as a context manager. Two renderers may share a Device, one after the other: device times are counted by device.
+    `traversal` says how rays are traced: "single", "packet" (64 together where they are in tile order), "compact"
+    (single, through a tree of small nodes) or "auto", by the device; the picture is the same, bit for bit.
+    `settings` override keys of the scene's [render] table and camera `size`. Use as a context manager. Two renderers
+    may share a Device, one after the other: device times are counted by device.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -62,7 +64,7 @@ class Renderer:
         self.stopped_by: str | None = None
         self.frame: Frame | None = None
         self.waves: Waves | None = None
-        self._trees: list[tuple[Tree, FlatGeometry, str]] = []  # what each was built of, and its builder
+        self._trees: list[tuple[Tree, FlatGeometry, tuple[str, bool]]] = []  # what each was built of, and how
         self._film: weakref.ref[Film] | None = None
         self._stop = threading.Event()
         self._owns_device = not isinstance(device, Device)
@@ -96,7 +98,9 @@ class Renderer:
         with self._timed("pack"):
             self.flat: FlatScene = with_settings(self.scene.flatten(), self.settings)
             self.scene_sha256 = self.scene.sha256()
-            self.features: Features = features_of(self.flat, self.everything)
+            features = features_of(self.flat, self.everything)
+            compact = schedule.uses_compact(self.traversal, self.device.kind, features)
+            self.features: Features = replace(features, compact=compact)
             self.packed: PackedScene = pack(self.flat, self.features)
         with self._timed("kernels"):
             self._build()
@@ -111,29 +115,34 @@ class Renderer:
         waves += [schedule.AOV] if self.early_layers else []
         if schedule.uses_packets(self.traversal, self.device.kind, self.features):
             waves += [w for w in schedule.PACKET_WAVES if w.needed(self.features)]
-        sources = {wave.name: assemble(wave.entry, self.features) for wave in waves}
+        sources = {wave.name: assemble(wave.entry, wave.features(self.features)) for wave in waves}
         for part in (self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)):
             sources |= tree_sources(part, self.flat.render.bvh)
+        sources |= {"compact": compact_source()} if self.features.compact else {}
         kept = {name: p for name, p in self.programs.items() if self.sources.get(name) == sources.get(name)}
         missing = {name: source for name, source in sources.items() if name not in kept}
         self.sources = sources
         self.programs = kept | (self.device.build(missing) if missing else {})
 
     def _build_tree(self) -> None:
-        """Trees stay while their geometry and the builder do: that of a mesh, wherever its instances go."""
-        parts, builder = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)], self.flat.render.bvh
-        kept = [(tree, of) for tree, of, by in self._trees if by == builder]
+        """Trees stay while geometry, builder and layout do: that of a mesh, wherever its instances go."""
+        parts = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)]
+        how = (self.flat.render.bvh, self.features.compact)
+        kept = [(tree, of) for tree, of, by in self._trees if by == how]
         trees = []
         for part in parts:
-            same = next((tree for tree, of in kept if _same(of, part)), None)
-            trees.append(same or build_tree(part, builder, self.device))
-        self._trees = [(tree, part, builder) for tree, part in zip(trees, parts, strict=True)]
+            tree = next((tree for tree, of in kept if _same(of, part)), None)
+            if tree is None:
+                tree = build_tree(part, how[0], self.device)
+                tree = compact_tree(tree, part, self.device) if self.features.compact else tree
+            trees.append(tree)
+        self._trees = [(tree, part, how) for tree, part in zip(trees, parts, strict=True)]
         self.forest = Forest(trees[0], trees[1:])
 
     def program(self, wave: schedule.Wave) -> Program:
         """The program of a wave that is not in every schedule, built when it is first asked for."""
         if wave.name not in self.programs:
-            source = assemble(wave.entry, self.features)
+            source = assemble(wave.entry, wave.features(self.features))
             self.sources[wave.name] = source
             self.programs |= self.device.build({wave.name: source})
         return self.programs[wave.name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from raytide.errors import UsageError
 from raytide.kernels.constants import EDGE_BINS, PARTITION_CHUNK, TILE
@@ -19,31 +19,36 @@ SAMPLE_BYTES = 16
 
 @dataclass(frozen=True)
 class Wave:
-    """One program: its name, entry file, and whether a scene needs it."""
+    """One program: its name, entry file, whether a scene needs it, and whether it reads the tree in any layout."""
 
     name: str
     needed: Callable[[Features], bool] = lambda features: True
+    traces: bool = False
 
     @property
     def entry(self) -> str:
         return f"wave/{self.name}.cl"
 
+    def features(self, features: Features) -> Features:
+        """Those that this program is built with: one that reads no tree, or only the wide one, knows no layouts."""
+        return features if self.traces else replace(features, compact=False)
+
 
 WAVES = (
     Wave("primary"),
-    Wave("extend"),
+    Wave("extend", traces=True),
     Wave("shade"),
     Wave("partition"),
-    Wave("shadow", lambda features: bool(features.lights)),
+    Wave("shadow", lambda features: bool(features.lights), traces=True),
     Wave("film"),
 )
 # The same waves by packets of 64 rays, for queues in tile order; beside the others, which trace all other queues.
 PACKET_WAVES = (Wave("extend_packet"), Wave("shadow_packet", lambda features: bool(features.lights)))
 PACKET_LOCAL_SIZE = 4  # packets in a work-group
-AOV = Wave("aov")  # built when a film is asked for its layers
+AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
 
-TRAVERSALS = ("auto", "single", "packet")
+TRAVERSALS = ("auto", "single", "packet", "compact")
 
 
 def uses_packets(traversal: str, kind: str, features: Features) -> bool:
@@ -52,6 +57,12 @@ def uses_packets(traversal: str, kind: str, features: Features) -> bool:
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
     return features.tree and (traversal == "packet" or (traversal == "auto" and kind != "gpu"))
+
+
+def uses_compact(traversal: str, kind: str, features: Features) -> bool:
+    """Whether the tree is in the compact layout, and only there: where asked for, and by default on GPUs. Trees of
+    instances are in the wide layout always."""
+    return features.tree and not features.instances and (traversal == "compact" or (traversal == "auto" and kind == "gpu"))
 
 
 @dataclass(frozen=True)

@@ -94,9 +94,8 @@ def _colors(textures: FlatTextures, flat: FlatScene, read: bool) -> np.ndarray:
     if not read:
         return np.zeros((0, 4), np.float32)
     of_faces = textures.face_colors is not None
-    return np.concatenate(
-        [_rows(textures.colors, flat.stored_vertices, 4), _rows(textures.face_colors, flat.stored_triangles * of_faces, 4)]
-    )
+    faces = flat.stored_triangles if of_faces else 0
+    return np.concatenate([_rows(textures.colors, flat.stored_vertices, 4), _rows(textures.face_colors, faces, 4)])
 
 
 def _fill(row: np.ndarray, model: Texture) -> None:

@@ -88,6 +88,7 @@ class SceneBuffers:
                 np.uint32(forest.roots[-1]),
                 np.uint32(forest.first_blocks[-1]),
             )
+        self.one_by_one = "compact" if features.compact else "single"  # how a ray alone is traced
         self.objects = device.upload(packed.objects)
         self.materials = device.upload(packed.materials)
         self.lights = device.upload(packed.lights)
@@ -131,7 +132,7 @@ class Waves:
         self.pixels_of = pixels_of
         self.rays = RayCounts()
         self.observe: Observer | None = None
-        self.traced_by: dict[str, str] = {}  # launch label -> "single" or "packet"
+        self.traced_by: dict[str, str] = {}  # launch label -> "single", "packet" or "compact"
         slots = plan.capacity
         ray = RECORDS["Ray"].size
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
@@ -193,7 +194,7 @@ class Waves:
     def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
         """Traces `count` rays, 64 an item where their queue is in tile order and packets were built."""
         packet = label in TILE_ORDERED and f"{wave}_packet" in self.programs
-        self.traced_by[label] = "packet" if packet else "single"
+        self.traced_by[label] = "packet" if packet else self.scene.one_by_one
         name = f"{wave}_packet" if packet else wave
         items, local = (-(-count // TILE), PACKET_LOCAL_SIZE) if packet else (count, 64)
         kind = "shadow" if wave == "shadow" else "camera" if label == "primary" else "indirect"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.accel import FlatGeometry, Tree, build_tree, tree_sources
+from raytide.accel import FlatGeometry, Tree, build_tree, compact_tree, tree_sources
 from raytide.device import Buffer, Device
 from raytide.errors import UsageError
 from raytide.kernels.constants import TILE
@@ -17,7 +17,7 @@ from raytide.kernels.source import assemble
 from raytide.report.ray_scenes import RayScene
 from raytide.report.ray_sets import RaySet
 
-TRAVERSALS = ("single", "packet")  # how rays can be traced, the default first
+TRAVERSALS = ("single", "packet", "compact")  # how rays can be traced, the default first
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,15 @@ class RayTracer:
         if traversal not in TRAVERSALS:
             raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
         self.device, self.geometry, self.traversal = device, geometry, traversal
-        features = Features(tree=builder != "none")
-        if traversal == "packet" and not features.tree:
-            raise UsageError("traversal: came 'packet' without a tree; wanted single")
+        features = Features(tree=builder != "none", compact=traversal == "compact")
+        if traversal != "single" and not features.tree:
+            raise UsageError(f"traversal: came {traversal!r} without a tree; wanted single")
         self._suffix = "_packet" if traversal == "packet" else ""
         names = [f"{wave}{self._suffix}" for wave in ("extend", "shadow")]
         self.sources = {name: assemble(f"wave/{name}.cl", features) for name in names}
         self.programs = device.build({**self.sources, **tree_sources(geometry, builder)})
-        self.tree: Tree = build_tree(geometry, builder, device)
+        tree = build_tree(geometry, builder, device)
+        self.tree: Tree = compact_tree(tree, geometry, device) if features.compact else tree
         self._scene = self._scene_arguments()
         self._loaded: RaySet | None = None
 

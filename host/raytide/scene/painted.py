@@ -50,7 +50,7 @@ class FlatTextures:
 
 
 def flat_textures(scene: Scene, shown: set[str | None], meshes: list[Painted]) -> FlatTextures:
-    """Textures of the materials `shown`, and what the meshes, in order, carry for them. Raises SceneError for a file."""
+    """Textures of the materials `shown`, and what all stored meshes, in order, carry. Raises SceneError for a file."""
     materials = (scene.materials[name or ""] for name in shown)
     used = sorted({name for material in materials for name in material.textures().values()})
     models = {name: scene.textures[name] for name in used}
