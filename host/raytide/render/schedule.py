@@ -62,7 +62,8 @@ def uses_packets(traversal: str, kind: str, features: Features) -> bool:
 def uses_compact(traversal: str, kind: str, features: Features) -> bool:
     """Whether the tree is in the compact layout, and only there: where asked for, and by default on GPUs. Trees of
     instances are in the wide layout always."""
-    return features.tree and not features.instances and (traversal == "compact" or (traversal == "auto" and kind == "gpu"))
+    wanted = traversal == "compact" or (traversal == "auto" and kind == "gpu")
+    return wanted and features.tree and not features.instances
 
 
 @dataclass(frozen=True)
