@@ -51,7 +51,9 @@ static float3 ggx_visible_normal(const float3 wo, const float2 alpha, const floa
     const float r = sqrt_of(u.y * above * (below + lift));
     float s, c;
     sin_cos_turns(u.x, &s, &c);
-    return normalize3((float3)(alpha.x * (r * c + o.x), alpha.y * (r * s + o.y), lift));
+    const float3 sum = (float3)(r * c + o.x, r * s + o.y, lift);
+    const float3 seen = sum - o * min_of(dot3(sum, o), 0.0f);  // opposite to o the sum is all rounding
+    return normalize3((float3)(alpha.x * seen.x, alpha.y * seen.y, seen.z));
 }
 
 // Half vector of two directions of the upper hemisphere with the cosine between it and either; same bits if wi and wo

@@ -52,3 +52,21 @@ kernel void probe_boxes(GEOMETRY_ARGUMENTS, const uint count, global const Node 
     float8 enter;
     masks[i] = boxes_met8(own_nodes + i, slab_ray(ray), ray.t_max, &enter);
 }
+
+// A point of shape 0 as light sampling picks it.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
+kernel void probe_light_point(GEOMETRY_ARGUMENTS, const uint count, global const float4 *from,
+                              global const float4 *numbers, global float4 *out)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) {
+        return;
+    }
+    float3 ng;
+    float pdf;
+    float error;
+    const float3 p = shape_sample(shapes, xyz(from[i]), numbers[i].xy, &ng, &pdf, &error);
+    const float3 wi = normalize3(p - xyz(from[i]));
+    out[2u * i] = make4(p, pdf);
+    out[2u * i + 1u] = make4(wi, shape_pdf(shapes, xyz(from[i]), p, ng, wi));
+}

@@ -15,6 +15,8 @@ WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square
 RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
 HIDDEN = 1 << 29  # the bits from here on in an object's number: the kinds of ray that do not meet it, in that order
 OBJECT = HIDDEN - 1
+PROBES = ("frame", "cosine_hemisphere", "power_heuristic", "ggx_density", "ggx_visible_normal", "conductor",
+          "dielectric", "sample")  # functions that cl/probe/math.cl lays open  # fmt: skip
 
 _UNSIGNED = {
     "TILE_SIDE": TILE_SIDE,
@@ -26,6 +28,7 @@ _UNSIGNED = {
     "MATERIAL_TRANSMITS": TRANSMITS,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
+    **{f"PROBE_{name.upper()}": place for place, name in enumerate(PROBES)},
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
 }
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from raytide.accel import FlatGeometry, build_tree, tree_sources
 from raytide.device import Buffer, Device, Program
+from raytide.kernels.constants import PROBES
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.kernels.source import assemble
@@ -27,7 +28,7 @@ class Lab:
     full: bool = False
 
     def __post_init__(self) -> None:
-        self._programs: dict[bool, Program] = {}
+        self._programs: dict[str, Program] = {}
 
     def count(self, quick: int, full: int) -> int:
         """How many inputs to try."""
@@ -39,12 +40,26 @@ class Lab:
 
     def tracer(self, geometry: FlatGeometry, builder: str = "sah") -> Tracer:
         """Something to trace rays through `geometry` with; builder "none" is brute force."""
-        tree = builder != "none"
-        if tree not in self._programs:
-            features = Features(tree=tree, triangles=True, shapes=tuple(kinds("shape")))
-            source = assemble("probe/trace.cl", features)
-            self._programs[tree] = self.device.build({"trace": source})["trace"]
-        return Tracer(self.device, self._programs[tree], geometry, builder)
+        features = Features(tree=builder != "none", triangles=True, shapes=tuple(kinds("shape")))
+        program = self._program("trace" if features.tree else "trace_all", "probe/trace.cl", features)
+        return Tracer(self.device, program, geometry, builder)
+
+    def function(self, name: str, a: np.ndarray, b: np.ndarray | None = None) -> np.ndarray:
+        """One of PROBES on every row of `a` and `b`, (n, up to 4) float32 each: rows (n, 4) float32."""
+        program = self._program("math", "probe/math.cl", Features())
+        count, out = len(a), self.device.empty(16 * len(a))
+        rows = [np.zeros((count, 4), np.float32) for _ in range(2)]
+        for row, given in zip(rows, (a, b), strict=True):
+            if given is not None:
+                row[:, : given.shape[1]] = given
+        numbers = np.uint32(PROBES.index(name)), np.uint32(count)
+        self.device.launch(program, "probe_math", count, LOCAL, *numbers, *map(self.device.upload, rows), out)
+        return self.device.read(out, np.float32, 4 * count).reshape(count, 4)
+
+    def _program(self, name: str, entry: str, features: Features) -> Program:
+        if name not in self._programs:
+            self._programs[name] = self.device.build({name: assemble(entry, features)})[name]
+        return self._programs[name]
 
     def spheres(self, *records: np.ndarray) -> Tracer:
         """A tracer of Shape records, by brute force."""
@@ -82,6 +97,16 @@ class Tracer:
         got = self.device.read(out, np.float32, 16 * count).reshape(count, 4, 4)
         names = {"p": 0, "ng": 1, "n": 2, "origin": 3}
         return {name: got[:, row, :3] for name, row in names.items()} | {"error": got[:, 0, 3]}
+
+    def sampled(self, origin: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
+        """Points of shape 0 picked as a light does, seen from `origin` (n, 3) by numbers u (n, 2): p (n, 3), pdf (n,)
+        per steradian, and `pdf_again` (n,), what the shape says of a point that was met by chance."""
+        count, out = len(origin), self.device.empty(32 * len(origin))
+        rows = np.zeros((2, count, 4), np.float32)
+        rows[0, :, :3], rows[1, :, :2] = origin, u
+        self._launch("probe_light_point", count, *map(self.device.upload, rows), out)
+        got = self.device.read(out, np.float32, 8 * count).reshape(count, 2, 4)
+        return {"p": got[:, 0, :3], "pdf": got[:, 0, 3], "pdf_again": got[:, 1, 3]}
 
     def boxes(self, nodes: np.ndarray, rays: np.ndarray) -> np.ndarray:
         """Mask (n,) uint32 of the lanes of nodes[i] that ray i meets: the slab test alone, records Node (n,)."""

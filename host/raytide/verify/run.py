@@ -11,6 +11,8 @@ import numpy as np
 import raytide.verify.boxes
 import raytide.verify.film
 import raytide.verify.planes
+import raytide.verify.sampling
+import raytide.verify.shading
 import raytide.verify.spheres
 import raytide.verify.triangles  # noqa: F401  these modules fill the catalogue
 from raytide.errors import RaytideError, UsageError
