@@ -1,4 +1,4 @@
-"""Random numbers and densities: below 1, distinct, nets at powers of two; cones and weights at their limits (cases Q)."""
+"""Random numbers below 1, distinct, nets at powers of two; cones and weights at their limits (cases Q)."""
 
 from __future__ import annotations
 
