@@ -121,7 +121,7 @@ class Renderer:
         """The tree stays while geometry and builder do."""
         geometry, builder = self.packed.geometry, self.flat.render.bvh
         if self._tree_of is None or self._tree_of[1] != builder or not _same(self._tree_of[0], geometry):
-            self.tree: Tree = build_tree(geometry, builder, self.device)
+            self.tree: Tree = build_tree(geometry, builder, self.device, program=self.programs.get("bvh"))
             self._tree_of = (geometry, builder)
 
     def program(self, wave: schedule.Wave) -> Program:
