@@ -116,6 +116,7 @@ def _stats(
     builder: str, place: str, packed: Packed, geometry: FlatGeometry, start: float, kernel_build_s: float
 ) -> TreeStats:
     child, triangles = packed.nodes["child"], len(geometry.triangles)
+    cost = sah_cost(packed.nodes) if len(packed.nodes) else 0.0
     size = packed.nodes.nbytes + packed.block_count * RECORDS["Block"].size
     return TreeStats(
         builder=builder,
@@ -123,7 +124,8 @@ def _stats(
         nodes=len(packed.nodes),
         leaves=int(((child != NONE) & (child >= LEAF_BIT)).sum()) if builder != "none" else packed.block_count,
         depth=len(packed.level_starts),
-        sah_cost=sah_cost(packed.nodes) if len(packed.nodes) else 0.0,
+        sah_cost=cost,
+        built_cost=cost,
         leaf_fill=triangles / packed.block_count if packed.block_count else 0.0,
         bytes=size,
         bytes_per_triangle=size / triangles if triangles else 0.0,

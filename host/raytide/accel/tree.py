@@ -61,6 +61,9 @@ class TreeStats:
     bytes_per_triangle: float
     build_s: float  # wall time of the build without that of compiling kernels
     kernel_build_s: float  # 0 where no kernel was needed
+    built_cost: float  # sah_cost when it was built
+    refits: int = 0  # how often its boxes followed motion since
+    refit_s: float = 0.0  # wall time of the last one
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from raytide.accel import FlatGeometry, Tree, build_tree, tree_sources
+from raytide.accel import FlatGeometry, Tree, build_tree, tree_sources, update_tree
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
 from raytide.kernels.constants import TILE, TILE_SIDE
@@ -118,11 +118,13 @@ class Renderer:
         self.programs = kept | (self.device.build(missing) if missing else {})
 
     def _build_tree(self) -> None:
-        """The tree stays while geometry and builder do."""
-        geometry, builder = self.packed.geometry, self.flat.render.bvh
-        if self._tree_of is None or self._tree_of[1] != builder or not _same(self._tree_of[0], geometry):
-            self.tree: Tree = build_tree(geometry, builder, self.device, program=self.programs.get("bvh"))
-            self._tree_of = (geometry, builder)
+        """The tree stays while geometry and builder do, and follows positions while its primitives stay."""
+        geometry, builder, program = self.packed.geometry, self.flat.render.bvh, self.programs.get("bvh")
+        if self._tree_of is None or self._tree_of[1] != builder:
+            self.tree: Tree = build_tree(geometry, builder, self.device, program=program)
+        elif not _same(self._tree_of[0], geometry):
+            self.tree = update_tree(self.tree, self._tree_of[0], geometry, builder, self.device, program)
+        self._tree_of = (geometry, builder)
 
     def program(self, wave: schedule.Wave) -> Program:
         """The program of a wave that is not in every schedule, built when it is first asked for."""
@@ -170,8 +172,9 @@ class Renderer:
         self._begin()
 
     def update(self) -> None:
-        """Takes over edits of the scene and starts a new picture. Kernels are rebuilt only if kinds changed, the tree
-        only if the geometry or the camera's place did."""
+        """Takes over edits of the scene and starts a new picture. Kernels are rebuilt only if kinds changed. Where only
+        positions did, the camera's included, the tree is refitted; it is built anew for other primitives, or once it
+        costs half as much again as when it was built (`report()["tree"]`: sah_cost, built_cost, refits, refit_s)."""
         self._prepare()
 
     def stop(self) -> None:
