@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from compare_tables import print_tables
 from embree_library import QUALITIES, EmbreeScene, hit_records, load_embree
-from raytide.accel import build_tree
+from raytide.accel import build_tree, tree_sources
 from raytide.accel.build import BUILDERS
 from raytide.device import Device, open_device
 from raytide.errors import RaytideError
@@ -218,8 +218,10 @@ def compare_builds(device: Device, geometry: Any, world: EmbreeScene, wanted: ar
 
 
 def raytide_build(device: Device, geometry: Any, builder: str) -> Callable[[], object]:
+    programs = device.build(tree_sources(geometry, builder))
+
     def build() -> None:
-        build_tree(geometry, builder, device)
+        build_tree(geometry, builder, device, program=programs.get("bvh"))
         device.finish()
 
     return build

@@ -19,7 +19,7 @@ from raytide.errors import UsageError
 from raytide.kernels.records import NONE, RECORDS
 
 if TYPE_CHECKING:
-    from raytide.device import Device
+    from raytide.device import Device, Program
     from raytide.kernels.source import Source
 
 BUILDERS = ("sah", "sah-hq", "lbvh", "none")
@@ -42,14 +42,18 @@ def tree_sources(geometry: FlatGeometry, builder: str) -> dict[str, Source]:
 
 
 def build_tree(
-    geometry: FlatGeometry, builder: str, device: Device | None, place: Literal["", "host", "device"] = ""
+    geometry: FlatGeometry,
+    builder: str,
+    device: Device | None,
+    place: Literal["", "host", "device"] = "",
+    program: Program | None = None,
 ) -> Tree:
     """The 8-wide tree of `geometry`; the same bytes on every run, and from the host and the device builder.
 
     builder: "sah" (binned surface area heuristic), "sah-hq" (the same, then its subtrees move to where they cost less;
     the host leaves that out), "lbvh" (Morton order) or "none" (blocks only, for brute force). `place` "host" or
-    "device" overrides the choice by size. Raises UsageError for an unknown builder and for more primitives than child
-    words can name.
+    "device" overrides the choice by size. `program`: the "bvh" of `tree_sources`, where it is built already. Raises
+    UsageError for an unknown builder and for more primitives than child words can name.
     """
     if builder not in BUILDERS:
         raise UsageError(f"tree builder {builder!r} is unknown; choose one of {', '.join(BUILDERS)}")
@@ -65,7 +69,7 @@ def build_tree(
     on_host = place == "host" or device is None or few
     if on_host and builder == "sah-hq":
         builder = "sah"
-    source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device)
+    source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device, program)
     tree: BinaryTree = source.tree(builder)
     found = cut(tree, max_depth())
     if found is None:  # positions of very different size; only the SAH builder bounds its depth
@@ -112,6 +116,7 @@ def _stats(
     builder: str, place: str, packed: Packed, geometry: FlatGeometry, start: float, kernel_build_s: float
 ) -> TreeStats:
     child, triangles = packed.nodes["child"], len(geometry.triangles)
+    cost = sah_cost(packed.nodes) if len(packed.nodes) else 0.0
     size = packed.nodes.nbytes + packed.block_count * RECORDS["Block"].size
     return TreeStats(
         builder=builder,
@@ -120,7 +125,8 @@ def _stats(
         nodes=len(packed.nodes),
         leaves=int(((child != NONE) & (child >= LEAF_BIT)).sum()) if builder != "none" else packed.block_count,
         depth=len(packed.level_starts),
-        sah_cost=sah_cost(packed.nodes) if len(packed.nodes) else 0.0,
+        sah_cost=cost,
+        built_cost=cost,
         leaf_fill=triangles / packed.block_count if packed.block_count else 0.0,
         bytes=size,
         bytes_per_triangle=size / triangles if triangles else 0.0,

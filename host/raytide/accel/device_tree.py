@@ -15,7 +15,7 @@ from raytide.accel.wide import GROUP_NAME, Cut, by_depth
 from raytide.kernels import RECORDS, Features, Source, assemble
 
 if TYPE_CHECKING:
-    from raytide.device import Buffer, Device
+    from raytide.device import Buffer, Device, Program
 
 # Primitives per work-item in passes over all of them, and per subtree that one work-item builds alone: large enough
 # to hide the launch on a CPU, small enough to occupy a GPU. The tree does not depend on either.
@@ -36,9 +36,10 @@ def build_source() -> Source:
 class DeviceBuilder:
     """Binary trees by kernels. Every launch is in order; nothing is read back but what the host needs to go on."""
 
-    def __init__(self, geometry: FlatGeometry, device: Device) -> None:
+    def __init__(self, geometry: FlatGeometry, device: Device, program: Program | None = None) -> None:
         self.geometry, self.device = geometry, device
-        self.program = device.build({"bvh": build_source()})["bvh"]
+        self.program = program or device.build({"bvh": build_source()})["bvh"]
+        self._build_s_before = 0.0 if program is None else program.build_s + program.first_launch_s
         self.count = geometry.primitive_count
         self.chunk = _CHUNK.get(device.kind, _CHUNK_OTHERWISE)
         self.vertices, self.triangles = device.upload(geometry.vertices), device.upload(geometry.triangles)
@@ -48,8 +49,8 @@ class DeviceBuilder:
 
     @property
     def kernel_build_s(self) -> float:
-        """Seconds that compiling took: of the program, and of its kernels at their first launch."""
-        return float(self.program.build_s + self.program.first_launch_s)
+        """Seconds that compiling took since the start: of the program, and of its kernels at their first launch."""
+        return float(self.program.build_s + self.program.first_launch_s - self._build_s_before)
 
     def launch(self, kernel: str, items: int, *arguments: Buffer | np.generic, local: int = _LOCAL) -> None:
         """`items` work-items; kernels take their number as first argument."""

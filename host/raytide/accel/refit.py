@@ -2,21 +2,55 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytide.accel.boxes import shape_boxes
+from raytide.accel.build import build_tree
 from raytide.accel.device_tree import build_source
 from raytide.accel.tree import FlatGeometry, Packed, Tree, sah_cost
 from raytide.kernels.records import RECORDS
 
 if TYPE_CHECKING:
-    from raytide.device import Device
+    from raytide.device import Device, Program
+
+# A refitted tree that costs more than this times what it cost when it was built is built anew: at most so much slower
+# are its rays, about, and motion that keeps neighbours together never pays for a build.
+MOST_GROWTH = 1.5
 
 
-def refit_tree(tree: Tree, geometry: FlatGeometry, device: Device) -> Tree:
+def update_tree(
+    tree: Tree,
+    before: FlatGeometry,
+    geometry: FlatGeometry,
+    builder: str,
+    device: Device,
+    program: Program | None = None,
+) -> Tree:
+    """A tree of `geometry`, from `tree` of `before`: refitted where both have the same primitives and it costs at most
+    MOST_GROWTH times what it cost when it was built, else built by `builder`. Small trees, which the host builds in no
+    time, and "none" are built. Whichever it is, rays meet the same; the same edits give the same bytes.
+    """
+    if tree.stats.place == "device" and same_primitives(before, geometry):
+        refitted = refit_tree(tree, geometry, device, program)
+        if refitted.stats.sah_cost <= MOST_GROWTH * refitted.stats.built_cost:
+            return refitted
+    return build_tree(geometry, builder, device, program=program)
+
+
+def same_primitives(a: FlatGeometry, b: FlatGeometry) -> bool:
+    """Whether two geometries differ in positions and owners alone."""
+    return (
+        a.plane_count == b.plane_count
+        and np.array_equal(a.triangles[:, :3], b.triangles[:, :3])
+        and np.array_equal(a.shapes["kind"], b.shapes["kind"])
+    )
+
+
+def refit_tree(tree: Tree, geometry: FlatGeometry, device: Device, program: Program | None = None) -> Tree:
     """`tree` around `geometry`, which has the tree's triangles and shapes at other positions. `tree` is left as it is.
 
     Far quicker than a build and right for any motion, but the cost of tracing grows as neighbours part:
@@ -25,29 +59,35 @@ def refit_tree(tree: Tree, geometry: FlatGeometry, device: Device) -> Tree:
     """
     if tree.stats.layout != "wide":
         raise ValueError(f"a tree in the {tree.stats.layout} layout cannot be refitted")
-    program = device.build({"bvh": build_source()})["bvh"]
-    node_type, block_type = RECORDS["Node"].dtype, RECORDS["Block"].dtype
-    nodes, blocks = device.upload(tree.nodes), device.upload(tree.blocks)
+    start = time.perf_counter()
+    known = 0.0 if program is None else program.build_s + program.first_launch_s
+    program = program or device.build({"bvh": build_source()})["bvh"]
+    node, block = RECORDS["Node"], RECORDS["Block"]
+    node_count, block_count = len(tree.nodes), tree.block_count
+    old_nodes, old_blocks = tree.buffers(device)
+    nodes, blocks = device.empty(node_count * node.size), device.empty(block_count * block.size)
     vertices, triangles = device.upload(geometry.vertices), device.upload(geometry.triangles)
-    shapes = device.upload(shape_boxes(geometry))
-    block_count = np.uint32(tree.block_count)
+    shapes, planes = device.upload(shape_boxes(geometry)), np.uint32(geometry.plane_count)
     device.launch(
-        program, "refit_blocks", tree.block_count, 64, block_count, vertices, triangles, blocks, label="build"
-    )
-    starts = (*tree.level_starts, len(tree.nodes))
+        program, "refit_blocks", block_count, 64, np.uint32(block_count), vertices, triangles, old_blocks, blocks,
+        label="build",
+    )  # fmt: skip
+    starts = (*tree.level_starts, node_count)
     for first, last in reversed(list(zip(starts[:-1], starts[1:], strict=True))):
-        count, planes = np.uint32(last - first), np.uint32(geometry.plane_count)
         device.launch(
-            program, "refit_nodes", last - first, 64, count, np.uint32(first), planes, blocks, shapes, nodes,
-            label="build",
+            program, "refit_nodes", last - first, 64, np.uint32(last - first), np.uint32(first), planes, blocks, shapes,
+            old_nodes, nodes, label="build",
         )  # fmt: skip
-    moved = device.read(nodes, node_type, len(tree.nodes))
+    moved = device.read(nodes, node.dtype, node_count)
     packed = Packed(
         moved,
-        tree.block_count,
-        lambda: device.read(blocks, block_type, tree.block_count),
+        block_count,
+        lambda: device.read(blocks, block.dtype, block_count),
         tree.level_starts,
         (nodes, blocks),
         device,
     )
-    return Tree(packed, replace(tree.stats, sah_cost=sah_cost(moved)))
+    cost, compiled = sah_cost(moved), program.build_s + program.first_launch_s - known
+    seconds = time.perf_counter() - start - compiled
+    stats = replace(tree.stats, sah_cost=cost, refits=tree.stats.refits + 1, refit_s=seconds, kernel_build_s=compiled)
+    return Tree(packed, stats)

@@ -64,6 +64,9 @@ class TreeStats:
     bytes_per_triangle: float
     build_s: float  # wall time of the build without that of compiling kernels
     kernel_build_s: float  # 0 where no kernel was needed
+    built_cost: float  # sah_cost when it was built
+    refits: int = 0  # how often its boxes followed motion since
+    refit_s: float = 0.0  # wall time of the last one
 
 
 @dataclass(frozen=True)
@@ -132,12 +135,16 @@ def node_boxes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def sah_cost(nodes: np.ndarray) -> float:
     """The cost of TreeStats.sah_cost from packed nodes; 0 for an empty tree."""
-    low, high = node_boxes(nodes)
-    filled = low[..., 0] <= high[..., 0]
+    filled = nodes["lox"] <= nodes["hix"]
     if not filled.any():
         return 0.0
-    edge = np.where(filled[..., None], high.astype(np.float64) - low, 0.0)
-    surface = edge[..., 0] * edge[..., 1] + edge[..., 1] * edge[..., 2] + edge[..., 2] * edge[..., 0]
+    low, high = node_boxes(nodes[:1])
     span = high[0][filled[0]].max(axis=0).astype(np.float64) - low[0][filled[0]].min(axis=0)
     root = span[0] * span[1] + span[1] * span[2] + span[2] * span[0]
-    return float(1.0 + (surface.sum() / root if root > 0 else filled.sum()))
+    if not root > 0:
+        return float(1.0 + filled.sum())
+    unit = np.float32(1.0 / span.max())  # keeps products of float32 edges in range; each errs by 1e-7
+    rows = zip(LOW_ROWS, HIGH_ROWS, strict=True)
+    x, y, z = (np.where(filled, nodes[high] - nodes[low], np.float32(0)) * unit for low, high in rows)
+    surface = (x * y + y * z + z * x).sum(dtype=np.float64)
+    return float(1.0 + surface * span.max() ** 2 / root)

@@ -12,7 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from raytide.accel import FlatGeometry, Forest, Tree, build_tree, compact_source, compact_tree, tree_sources
+from raytide.accel import (
+    FlatGeometry,
+    Forest,
+    Tree,
+    build_tree,
+    compact_source,
+    compact_tree,
+    tree_sources,
+    update_tree,
+)
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
 from raytide.kernels.constants import TILE, TILE_SIDE
@@ -125,19 +134,28 @@ class Renderer:
         self.programs = kept | (self.device.build(missing) if missing else {})
 
     def _build_tree(self) -> None:
-        """Trees stay while geometry, builder and layout do: that of a mesh, wherever its instances go."""
+        """Trees stay while geometry, builder and layout do: that of a mesh, wherever its instances go. The world's
+        follows positions while its primitives stay."""
         parts = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)]
         how = (self.flat.render.bvh, self.features.compact)
         kept = [(tree, of) for tree, of, by in self._trees if by == how]
         trees = []
-        for part in parts:
+        for place, part in enumerate(parts):
             tree = next((tree for tree, of in kept if _same(of, part)), None)
             if tree is None:
-                tree = build_tree(part, how[0], self.device)
-                tree = compact_tree(tree, part, self.device) if self.features.compact else tree
+                tree = self._new_tree(part, kept[0] if kept and place == 0 else None)
             trees.append(tree)
         self._trees = [(tree, part, how) for tree, part in zip(trees, parts, strict=True)]
         self.forest = Forest(trees[0], trees[1:])
+
+    def _new_tree(self, geometry: FlatGeometry, before: tuple[Tree, FlatGeometry] | None) -> Tree:
+        """A tree of `geometry`; `before` is one of nearly the same, in the same layout, by the same builder."""
+        builder, program = self.flat.render.bvh, self.programs.get("bvh")
+        if self.features.compact:
+            return compact_tree(build_tree(geometry, builder, self.device, program=program), geometry, self.device)
+        if before is not None:
+            return update_tree(*before, geometry, builder, self.device, program)
+        return build_tree(geometry, builder, self.device, program=program)
 
     def program(self, wave: schedule.Wave) -> Program:
         """The program of a wave that is not in every schedule, built when it is first asked for."""
@@ -186,8 +204,9 @@ class Renderer:
         self._begin()
 
     def update(self) -> None:
-        """Takes over edits of the scene and starts a new picture. Kernels are rebuilt only if kinds changed, the tree
-        only if the geometry or the camera's place did."""
+        """Takes over edits of the scene and starts a new picture. Kernels are rebuilt only if kinds changed. Where only
+        positions did, the camera's included, the tree is refitted; it is built anew for other primitives, or once it
+        costs half as much again as when it was built (`report()["tree"]`: sah_cost, built_cost, refits, refit_s)."""
         self._prepare()
 
     def stop(self) -> None:
