@@ -10,6 +10,7 @@ COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
+SLOT_NORMALS, SLOT_HEIGHTS = 4, 5  # widths that mark slots which are no parameter: normal map, bump map
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
 
 _UNSIGNED = {
@@ -18,6 +19,8 @@ _UNSIGNED = {
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
     "COUNTER_EDGES": COUNTER_EDGES,
+    "SLOT_NORMALS": SLOT_NORMALS,
+    "SLOT_HEIGHTS": SLOT_HEIGHTS,
     **{f"WRAP_{name.upper()}": place for place, name in enumerate(WRAPS)},
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
 }

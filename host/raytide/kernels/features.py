@@ -46,6 +46,7 @@ class Features:
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
+    relief: bool = False  # normal or bump maps
     counters: bool = False  # instrumented build
 
     @property
@@ -62,7 +63,7 @@ class Features:
         on["analytic"] = any(shape != "plane" for shape in self.shapes)
         on["lights"] = bool(self.lights)
         on["sky"] = any(light in SKIES for light in self.lights)
-        on["textured"] = bool(self.textures)  # materials
+        on["textured"] = bool(self.textures) or self.relief  # materials
         on["textures"] = on["textured"] or "environment_map" in self.lights  # buffers of texels
         return dict(sorted(on.items()))
 

@@ -13,7 +13,7 @@ from raytide.accel import FlatGeometry
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.lights import pack_lights
-from raytide.render.textures import PackedTextures, pack_textures, texture_kinds
+from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
 
@@ -60,6 +60,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         textures=kinds("texture") if everything else tuple(sorted(texture_kinds(flat))),
         triangles=everything or len(flat.triangles) > 0,
         smooth=everything or flat.normals is not None,
+        relief=everything or has_relief(flat),
         tree=render.bvh != "none",
         lens=camera.type == "thin_lens" or (everything and camera.type == "pinhole"),
         orthographic=camera.type == "orthographic",

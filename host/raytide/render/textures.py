@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.importers.srgb import linear_of_bytes
-from raytide.kernels.constants import WRAPS
+from raytide.kernels.constants import SLOT_HEIGHTS, SLOT_NORMALS, WRAPS
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
 from raytide.render.sky import sky_shares
@@ -46,6 +46,12 @@ class PackedTextures:
 def texture_kinds(flat: FlatScene) -> set[str]:
     """Kinds of texture that materials of objects read."""
     return {model.type for model in flat.textures.models.values()}
+
+
+def has_relief(flat: FlatScene) -> bool:
+    """Whether a material of an object has a normal or bump map."""
+    used = (flat.materials[thing.material] for thing in flat.objects)
+    return any(name in material.RELIEF for material in used for name in material.textures())
 
 
 def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) -> PackedTextures:
@@ -153,6 +159,10 @@ def _slots(used: Sequence[Material | None], names: list[str], materials: np.ndar
                 assert material is not None
                 rows.append((names.index(textures[name]), place, width, *range_of(material, name)))
             place += width
+        for name, width in (("normal_map", SLOT_NORMALS), ("bump_map", SLOT_HEIGHTS)):
+            if name in textures:
+                assert material is not None
+                rows.append((names.index(textures[name]), 0, width, material.bump_scale, 0.0))
     slots = np.zeros(len(rows), RECORDS["TextureSlot"].dtype)
     for i, member in enumerate(("texture", "place", "width", "low", "high")):
         slots[member] = [row[i] for row in rows]
