@@ -35,8 +35,8 @@ static float3 mapped_normal(const float3 color, const float3 n, const float3 alo
 {
     const float3 a = normalize3(along_u - n * dot3(n, along_u));
     const float3 b = cross3(n, a) * (dot3(cross3(along_u, along_v), n) < 0.0f ? -1.0f : 1.0f);
-    const float3 local = 2.0f * color - (float3)(1.0f);
-    return normalize3(a * local.x + b * local.y + n * local.z);
+    const float3 along = 2.0f * color - (float3)(1.0f);
+    return normalize3(a * along.x + b * along.y + n * along.z);
 }
 
 // Normal of the surface raised by a height whose derivatives are `slope`.
