@@ -65,3 +65,12 @@ static float2 flat_uv(global const Shape *s, const float3 p)
     return 0.5f * (float2)(dot3(xyz(s->inverse_u), q), dot3(xyz(s->inverse_v), q)) + (float2)(0.5f);
 }
 #endif
+
+#if HAS_RELIEF
+// Derivatives of the point by its texture coordinates.
+static void flat_tangents(global const Shape *s, float3 *along_u, float3 *along_v)
+{
+    *along_u = 2.0f * xyz(s->u);
+    *along_v = 2.0f * xyz(s->v);
+}
+#endif

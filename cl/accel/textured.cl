@@ -45,9 +45,6 @@ static float3 slot_value(const Geometry g, global const TextureSlot *slot, const
                     clamp_of(value.z, slot->low, slot->high));
 }
 
-// Rec. 709; equal channels give exactly their value.
-static float grey_of(const float3 c) { return c.y + 0.2126f * (c.x - c.y) + 0.0722f * (c.z - c.y); }
-
 // A copy of the material whose textured parameters, which hold factors, are scaled by their textures.
 static Material textured_material(const Geometry g, global const Material *m, const Surface *s)
 {
@@ -59,6 +56,9 @@ static Material textured_material(const Geometry g, global const Material *m, co
     private float *parameters = (private float *)&out.p0;
     for (uint i = 0u; i < m->slot_count; i++) {
         global const TextureSlot *slot = g.textures.slots + (m->first_slot + i);
+        if (slot->width == SLOT_NORMALS || slot->width == SLOT_HEIGHTS) {
+            continue;
+        }
         private float *place = parameters + slot->place;
         const float3 value = slot_value(g, slot, at);
         if (slot->width == 1u) {

@@ -95,6 +95,9 @@ static float3 texel_at(const Textures all, global const Texture *t, const uint x
     return (float3)(float_of(rgb[0]), float_of(rgb[1]), float_of(rgb[2]));
 }
 
+// Luminance, Rec. 709; equal channels give exactly their value.
+static float grey_of(const float3 c) { return c.y + 0.2126f * (c.x - c.y) + 0.0722f * (c.z - c.y); }
+
 // Exact at both ends and between equal numbers.
 static float3 mix3(const float3 a, const float3 b, const float weight) { return a + weight * (b - a); }
 

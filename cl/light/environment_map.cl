@@ -6,6 +6,7 @@
 #include "base/vector.cl"
 // Radiance from a picture of all directions: longitude along its rows, latitude down its columns, the top at +y of the
 // frame whose rows are position, direction and extra (xyz), bilinear between texel centres; radiance.xyz scales it.
+// row_v.y theta / pi + row_v.z is the place in the picture: its first and last rows may lie at the poles themselves.
 //
 // The sky is cut into patches between four texel centres: height + 1 rows (the first and the last are half as high)
 // of `width` patches. A patch is picked by inverting first the distribution of rows, then that of patches in the row,
@@ -60,7 +61,7 @@ static float patch_pdf(const Geometry g, global const Texture *t, const uint4 te
                           luminance_of(texel_at(g.textures, t, texels.y, texels.w));
     const float patches = (float)t->width * (float)t->height * (row == 0u || row == t->height ? 2.0f : 1.0f);
     const float density = corners > 0.0f ? shares * (4.0f * luminance / corners) : 0.0f;
-    return density * (patches / (2.0f * PI_SQUARED)) / max_of(sine, LEAST_SINE);
+    return density * (t->row_v.y * patches / (2.0f * PI_SQUARED)) / max_of(sine, LEAST_SINE);
 }
 
 typedef struct {
@@ -75,7 +76,7 @@ static SkySeen environment_map_seen(global const Light *l, const Geometry g, con
     const float3 d = (float3)(dot3(xyz(l->position), wi), dot3(xyz(l->direction), wi), dot3(xyz(l->extra), wi));
     const float sine = sqrt_of(d.x * d.x + d.z * d.z);
     const TexelPair x = texel_pair(atan2_turns(d.x, -d.z), t->width, WRAP_REPEAT);
-    const TexelPair y = texel_pair(2.0f * atan2_turns(sine, d.y), t->height, WRAP_CLAMP);
+    const TexelPair y = texel_pair(fma_of(2.0f * t->row_v.y, atan2_turns(sine, d.y), t->row_v.z), t->height, WRAP_CLAMP);
     global const uint *row = ends + (t->height + 1u) + y.cell * t->width;
     const uint rows = ends[y.cell] - (y.cell > 0u ? ends[y.cell - 1u] : 0u);
     const uint columns = row[x.low] - (x.low > 0u ? row[x.low - 1u] : 0u);
@@ -112,7 +113,8 @@ static LightSample environment_map_sample(global const Light *l, const Geometry 
     const float half_row = row == 0u || row == t->height ? 0.5f : 1.0f;
     const float top = row == 0u ? 0.0f : (float)row - 0.5f;
     float sine, cosine, sine_phi, cosine_phi;
-    sin_cos_turns(0.5f * ((top + half_row * y.weight) / (float)t->height), &sine, &cosine);
+    const float place = (top + half_row * y.weight) / (float)t->height;
+    sin_cos_turns(0.5f * clamp_of((place - t->row_v.z) / t->row_v.y, 0.0f, 1.0f), &sine, &cosine);
     sine = max_of(sine, 0.0f);  // rounding may take it below at the lower pole
     sin_cos_turns(((float)column + 0.5f + x.weight) / (float)t->width, &sine_phi, &cosine_phi);
     const float3 color = texels_between(g.textures, t, x, y);

@@ -128,3 +128,15 @@ static float2 box_uv(global const Shape *s, const float3 p, const float3 ng)
     return 0.5f * place + (float2)(0.5f);
 }
 #endif
+
+#if HAS_RELIEF
+static void box_tangents(global const Shape *s, const float3 p, const float3 ng, float3 *along_u, float3 *along_v)
+{
+    const float3 q = box_local(s, p - xyz(s->center));
+    const float3 size = abs3(q);
+    const uint axis = size.x >= size.y ? (size.x >= size.z ? 0u : 2u) : (size.y >= size.z ? 1u : 2u);
+    const float sign = (axis == 0u ? q.x : (axis == 1u ? q.y : q.z)) < 0.0f ? -2.0f : 2.0f;
+    *along_u = axis == 0u ? -sign * xyz(s->w) : (axis == 1u ? 2.0f : sign) * xyz(s->u);
+    *along_v = axis == 1u ? -sign * xyz(s->w) : 2.0f * xyz(s->v);
+}
+#endif

@@ -29,3 +29,10 @@ static float disk_pdf(global const Shape *s, const float3 from, const float3 p, 
 #if HAS_TEXTURED
 static float2 disk_uv(global const Shape *s, const float3 p, const float3 ng) { return flat_uv(s, p); }
 #endif
+
+#if HAS_RELIEF
+static void disk_tangents(global const Shape *s, const float3 p, const float3 ng, float3 *along_u, float3 *along_v)
+{
+    flat_tangents(s, along_u, along_v);
+}
+#endif

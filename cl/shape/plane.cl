@@ -40,3 +40,11 @@ static float2 plane_uv(global const Shape *s, const float3 p, const float3 ng)
     return (float2)(dot3(xyz(s->inverse_u), q), dot3(xyz(s->inverse_v), q));
 }
 #endif
+
+#if HAS_RELIEF
+static void plane_tangents(global const Shape *s, const float3 p, const float3 ng, float3 *along_u, float3 *along_v)
+{
+    *along_u = xyz(s->u);
+    *along_v = xyz(s->v);
+}
+#endif

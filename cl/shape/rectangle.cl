@@ -28,3 +28,10 @@ static float rectangle_pdf(global const Shape *s, const float3 from, const float
 #if HAS_TEXTURED
 static float2 rectangle_uv(global const Shape *s, const float3 p, const float3 ng) { return flat_uv(s, p); }
 #endif
+
+#if HAS_RELIEF
+static void rectangle_tangents(global const Shape *s, const float3 p, const float3 ng, float3 *along_u, float3 *along_v)
+{
+    flat_tangents(s, along_u, along_v);
+}
+#endif

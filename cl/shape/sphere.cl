@@ -139,3 +139,16 @@ static float2 sphere_uv(global const Shape *s, const float3 p, const float3 ng)
     return (float2)(0.5f + atan2_turns(q.x, q.z), 0.5f + 2.0f * atan2_turns(q.y, across));
 }
 #endif
+
+#if HAS_RELIEF
+// No tangent along u at the poles.
+static void sphere_tangents(global const Shape *s, const float3 p, const float3 ng, float3 *along_u, float3 *along_v)
+{
+    const float r = s->center.w;
+    const float3 q = r * (float3)(dot3(xyz(s->inverse_u), ng), dot3(xyz(s->inverse_v), ng), dot3(xyz(s->inverse_w), ng));
+    const float across = sqrt_of(q.x * q.x + q.z * q.z);
+    const float inverse = across > 0.0f ? q.y / across : 0.0f;
+    *along_u = 6.28318531f * (q.z * xyz(s->u) - q.x * xyz(s->w));
+    *along_v = PI * (across * xyz(s->v) - inverse * (q.x * xyz(s->u) + q.z * xyz(s->w)));
+}
+#endif

@@ -3,6 +3,7 @@
 #include "base/vector.cl"
 #include "base/camera.cl"
 #include "accel/traverse.cl"
+#include "accel/relief.cl"
 #include "accel/textured.cl"
 #include "dispatch/material.cl"
 #include "wave/path.cl"
@@ -30,10 +31,13 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
         position_object[i] = (float4)(0.0f, 0.0f, 0.0f, float_of(NONE));
         return;
     }
-    const Surface s = surface_of(g, ray, hit);
+    Surface s = surface_of(g, ray, hit);
     const float3 wo = -normalize3(xyz(ray.direction));
-    const float3 n = dot3(wo, s.ng) < 0.0f ? -s.n : s.n;
     global const Material *material = materials + objects[s.object].material;
+#if HAS_RELIEF
+    s.n = relief_normal(g, material, &s);
+#endif
+    const float3 n = dot3(wo, s.ng) < 0.0f ? -s.n : s.n;
 #if HAS_TEXTURED
     const Material here = textured_material(g, material, &s);
     const float3 albedo = material_albedo(&here);

@@ -7,6 +7,7 @@
 #include "accel/geometry.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
+#include "accel/relief.cl"
 #include "accel/textured.cl"
 #if HAS_TANGENTS
 #include "accel/tangent.cl"
@@ -65,6 +66,9 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.cos_o = dot3(wo, v.surface.ng);
     const int back = v.cos_o < 0.0f;
     v.normal = back ? -v.surface.ng : v.surface.ng;
+#if HAS_RELIEF
+    v.surface.n = relief_normal(g, material, &v.surface);
+#endif
     float3 n = v.surface.n;
 #if HAS_TRANSMISSION
     const int turn = back && !(material->flags & MATERIAL_TRANSMITS);

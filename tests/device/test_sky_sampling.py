@@ -65,11 +65,11 @@ def expected_counts(sky: Sky, cells: tuple[int, int], fine: int = 16) -> np.ndar
     return share.reshape(cells[0], fine, cells[1], fine).sum(axis=(1, 3))
 
 
-@pytest.mark.parametrize("name", MAPS)
+@pytest.mark.parametrize("name", [*MAPS, "at the poles"])
 def test_samples_follow_their_density(device, name: str) -> None:
     """Chi-square over cells four times as fine as the texels; the density's integral is 1."""
-    texels = MAPS[name]
-    sky = Sky(device, texels)
+    texels = MAPS.get(name, MAPS["noise"])
+    sky = Sky(device, texels, at_poles=name == "at the poles")
     cells = (4 * texels.shape[0], 4 * texels.shape[1])
     expected = expected_counts(sky, cells)
     assert abs(expected.sum() - 1) <= 2e-3
@@ -123,6 +123,18 @@ def test_turned_sky_is_the_same_sky_turned(device) -> None:
     np.testing.assert_allclose(turned.to, plain.to @ turn, atol=1e-6)
     np.testing.assert_array_equal(turned.pdf, plain.pdf)
     np.testing.assert_allclose(turned.radiance_again, plain.radiance, atol=2e-4)
+
+
+def test_rows_may_lie_at_the_poles(device) -> None:
+    """Row j is then seen exactly at the latitude j / (rows - 1) from the top."""
+    texels = noise(5, 8)
+    v, u = np.meshgrid(np.arange(5) / 4, (np.arange(8) + 0.5) / 8, indexing="ij")
+    sky = Sky(device, texels, at_poles=True)
+    seen, _ = sky.seen(directions(u.ravel(), np.clip(v.ravel(), 1e-4, 1 - 1e-4)))
+    assert np.abs(seen.reshape(5, 8, 3) - texels).max() <= 2e-3 * texels.max()
+    got = sky.sample(numbers(9, 100_000)[:, :2])
+    assert np.median(np.abs(got.pdf_again / got.pdf - 1)) <= 1e-5
+    np.testing.assert_allclose((1 / got.pdf).mean(), 4 * np.pi, rtol=0.03)
 
 
 def test_a_black_sky_is_never_sampled(device) -> None:

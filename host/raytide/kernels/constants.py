@@ -11,6 +11,7 @@ COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
+SLOT_NORMALS, SLOT_HEIGHTS = 4, 5  # widths that mark slots which are no parameter: normal map, bump map
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
 RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
 HIDDEN = 1 << 29  # the bits from here on in an object's number: the kinds of ray that do not meet it, in that order
@@ -24,6 +25,8 @@ _UNSIGNED = {
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
     "COUNTER_EDGES": COUNTER_EDGES,
+    "SLOT_NORMALS": SLOT_NORMALS,
+    "SLOT_HEIGHTS": SLOT_HEIGHTS,
     **{f"WRAP_{name.upper()}": place for place, name in enumerate(WRAPS)},
     "MATERIAL_TRANSMITS": TRANSMITS,
     "OBJECT_MASK": OBJECT,

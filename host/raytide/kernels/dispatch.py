@@ -37,7 +37,7 @@ def type_name(kind: str) -> str:
 def parameters_text(features: Features) -> str:
     """One struct and one loader for each material kind present; loads the record's floats in declared order."""
     # Once textures have scaled them, the parameters at a point of a surface are a copy of the item's own.
-    out = [f"#define MATERIAL_SPACE {'private' if features.textures else 'global'}\n"]
+    out = [f"#define MATERIAL_SPACE {'private' if features.switches()['textured'] else 'global'}\n"]
     for kind, parameters in features.materials:
         members, loads, place = [], [], 0
         for name, width in parameters:
@@ -127,11 +127,19 @@ def _shape(features: Features) -> str:
         + _switch("s->kind", "SHAPE", sampled, "{kind}_pdf(s, from, p, ng, wi)", "0.0f")
         + "\n}"
     )
-    if features.textures:
+    if features.switches()["textured"]:
         out.append(
             "static float2 shape_uv(global const Shape *s, const float3 p, const float3 ng)\n{\n"
             + _switch("s->kind", "SHAPE", present, "{kind}_uv(s, p, ng)", "(float2)(0.0f)")
             + "\n}"
+        )
+    if features.relief:
+        call = "{k}_tangents(s, p, ng, along_u, along_v)"
+        cases = "\n".join(f"    case SHAPE_{k.upper()}: {call.format(k=k)}; break;" for k in present)
+        out.append(
+            "static void shape_tangents(global const Shape *s, const float3 p, const float3 ng, float3 *along_u,\n"
+            "                           float3 *along_v)\n"
+            f"{{\n    switch (s->kind) {{\n{cases}\n    default: break;\n    }}\n}}"
         )
     return "\n".join(out) + "\n"
 
@@ -165,7 +173,7 @@ def _light(features: Features) -> str:
 def _texture(features: Features) -> str:
     present = features.textures
     out = ['#include "accel/geometry.cl"', *(f'#include "texture/{kind}.cl"' for kind in present)]
-    if present:
+    if features.switches()["textured"]:
         out.append(
             "static float3 texture_value(global const Texture *t, const Geometry g, const TexturePoint at)\n{\n"
             + _switch("t->kind", "TEXTURE", present, "{kind}_value(t, g, at)", "(float3)(0.0f)")

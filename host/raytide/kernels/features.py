@@ -52,6 +52,7 @@ class Features:
     instances: bool = False  # meshes that several objects share
     visibility: bool = False  # objects that some kinds of ray do not meet
     compact: bool = False  # trees in the compact layout, else the wide one
+    relief: bool = False  # normal or bump maps
     counters: bool = False  # instrumented build
 
     @property
@@ -68,7 +69,7 @@ class Features:
         on["analytic"] = any(shape != "plane" for shape in self.shapes)
         on["lights"] = bool(self.lights)
         on["sky"] = any(light in SKIES for light in self.lights)
-        on["textured"] = bool(self.textures)  # materials
+        on["textured"] = bool(self.textures) or self.relief  # materials
         on["textures"] = on["textured"] or "environment_map" in self.lights  # buffers of texels
         on["triangles"] |= self.instances  # which are made of them
         on["compact"] = self.compact and self.tree

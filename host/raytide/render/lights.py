@@ -108,7 +108,7 @@ def _sky(row: np.ndarray, light: EnvironmentLight, flat: FlatScene, textures: Pa
     row["radiance"][:3] = light.scale
     for member, axis in zip(("position", "direction", "extra"), matrix_of(light.transform)[:3, :3].T, strict=True):
         row[member][:3] = axis  # where the picture's own axes point
-    return light.scale * float(patch_light(sky_radiance(flat.textures.sky)).sum()) / 4
+    return light.scale * float(patch_light(sky_radiance(flat.textures.sky), flat.textures.sky_at_poles).sum()) / 4
 
 
 def _texture(rows: np.ndarray, material: Material, index: int, textures: PackedTextures) -> np.ndarray:

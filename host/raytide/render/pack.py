@@ -15,7 +15,7 @@ from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
 from raytide.render.lights import pack_lights
-from raytide.render.textures import PackedTextures, pack_textures, texture_kinds
+from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
 
@@ -80,6 +80,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         textures=kinds("texture") if everything else tuple(sorted(texture_kinds(flat))),
         triangles=everything or len(flat.triangles) > 0,
         smooth=everything or any(normals is not None for normals in _vertex_normals(flat)),
+        relief=everything or has_relief(flat),
         instances=everything or len(flat.instances) > 0,
         visibility=everything or any(0 < len(thing.visible_to) < len(RAY_KINDS) for thing in flat.objects),
         tree=render.bvh != "none",

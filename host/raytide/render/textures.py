@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.importers.srgb import linear_of_bytes
-from raytide.kernels.constants import WRAPS
+from raytide.kernels.constants import SLOT_HEIGHTS, SLOT_NORMALS, WRAPS
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
-from raytide.render.sky import sky_shares
+from raytide.render.sky import sky_rows, sky_shares
 from raytide.scene.flatten import FlatScene
 from raytide.scene.materials import Material
 from raytide.scene.painted import FlatTextures
@@ -48,6 +48,12 @@ def texture_kinds(flat: FlatScene) -> set[str]:
     return {model.type for model in flat.textures.models.values()}
 
 
+def has_relief(flat: FlatScene) -> bool:
+    """Whether a material of an object has a normal or bump map."""
+    used = (flat.materials[thing.material] for thing in flat.objects)
+    return any(name in material.RELIEF for material in used for name in material.textures())
+
+
 def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) -> PackedTextures:
     """Records of all textures in use; links the rows of `materials` to their slots."""
     textures = flat.textures
@@ -60,7 +66,7 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
             raw = getattr(textures.models[name], "raw", False)
             _add_texels(row, textures.texels[name], words, raw)
     if textures.sky is not None:
-        _add_sky(table[-1], textures.sky, words)
+        _add_sky(table[-1], textures.sky, textures.sky_at_poles, words)
     used = {thing.material for thing in flat.objects}
     slots = _slots([flat.materials[i] if i in used else None for i in range(len(flat.materials))], names, materials)
     read = features.textures
@@ -125,12 +131,13 @@ def _add_texels(row: np.ndarray, texels: np.ndarray, words: list[np.ndarray], ra
         words.append(np.ascontiguousarray(texels, np.float32).view(np.uint32).ravel())
 
 
-def _add_sky(row: np.ndarray, texels: np.ndarray, words: list[np.ndarray]) -> None:
+def _add_sky(row: np.ndarray, texels: np.ndarray, at_poles: bool, words: list[np.ndarray]) -> None:
     """Texels and the distribution of patches. Negative values become 0."""
     linear = sky_radiance(texels)
     _add_texels(row, linear, words, raw=False)
     row["patches"] = sum(len(part) for part in words)
-    words.append(sky_shares(linear))
+    row["row_v"][1:3] = sky_rows(len(linear), at_poles)
+    words.append(sky_shares(linear, at_poles))
 
 
 def sky_radiance(texels: np.ndarray) -> np.ndarray:
@@ -152,6 +159,10 @@ def _slots(used: Sequence[Material | None], names: list[str], materials: np.ndar
                 assert material is not None
                 rows.append((names.index(textures[name]), place, width, *range_of(material, name)))
             place += width
+        for name, width in (("normal_map", SLOT_NORMALS), ("bump_map", SLOT_HEIGHTS)):
+            if name in textures:
+                assert material is not None
+                rows.append((names.index(textures[name]), 0, width, material.bump_scale, 0.0))
     slots = np.zeros(len(rows), RECORDS["TextureSlot"].dtype)
     for i, member in enumerate(("texture", "place", "width", "low", "high")):
         slots[member] = [row[i] for row in rows]

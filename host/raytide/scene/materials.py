@@ -28,7 +28,11 @@ class Material(Table):
 
     PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = ()
     TRANSMITS: ClassVar[bool] = False  # light passes: the kernels then tell the front from the back
+    RELIEF: ClassVar[tuple[str, ...]] = ("normal_map", "bump_map")
     type: str
+    normal_map: str | None = key(None, doc="texture of normals: red along u, green along v, blue outwards")
+    bump_map: str | None = key(None, doc="bitmap of heights")
+    bump_scale: Number = key(1.0, unit="m", doc="height where the bump map is 1")
 
     @classmethod
     def __pydantic_init_subclass__(cls, **unused: Any) -> None:
@@ -53,8 +57,9 @@ class Material(Table):
         return getattr(self, name)
 
     def textures(self) -> dict[str, str]:
-        """Textured device parameters: name to name of the texture."""
+        """Textured device parameters, then normal or bump map: name to name of the texture."""
         found = {name: texture_of(getattr(self, name, None)) for name, _ in self.PARAMETERS}
+        found |= {name: getattr(self, name) for name in self.RELIEF}
         return {name: texture for name, texture in found.items() if texture is not None}
 
 

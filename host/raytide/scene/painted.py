@@ -44,6 +44,7 @@ class FlatTextures:
     models: dict[str, Texture] = field(default_factory=dict)
     texels: dict[str, np.ndarray] = field(default_factory=dict)
     sky: np.ndarray | None = None
+    sky_at_poles: bool = False  # where its first and last rows lie
     uv: np.ndarray | None = None
     colors: np.ndarray | None = None
     face_colors: np.ndarray | None = None
@@ -54,14 +55,17 @@ def flat_textures(scene: Scene, shown: set[str | None], meshes: list[Painted]) -
     materials = (scene.materials[name or ""] for name in shown)
     used = sorted({name for material in materials for name in material.textures().values()})
     models = {name: scene.textures[name] for name in used}
-    skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]
-    sky = scene.picture(skies[0]).texels if skies else None
+    skies = [light for light in scene.lights.values() if isinstance(light, EnvironmentLight)]
+    file = skies[0].file if skies else None
+    sky = None if file is None else scene.picture(file).texels
+    at_poles = sky is not None and len(sky) > 1 and skies[0].rows == "poles"
     if not models:
-        return FlatTextures(sky=sky)
+        return FlatTextures(sky=sky, sky_at_poles=at_poles)
     return FlatTextures(
         models=models,
         texels={name: scene.picture(model.file).texels for name, model in models.items() if isinstance(model, Bitmap)},
         sky=sky,
+        sky_at_poles=at_poles,
         uv=_joined([(mesh.uv, mesh.vertex_count) for mesh in meshes], 2),
         colors=_joined([(mesh.colors, mesh.vertex_count) for mesh in meshes], 3),
         face_colors=_joined([(mesh.face_colors, mesh.triangle_count) for mesh in meshes], 3),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytide.errors import Problem, SceneError
+from raytide.importers.picture import BYTE_SUFFIXES
 from raytide.scene.describe import bounds_of, list_words, nearest, option_of
 from raytide.scene.lights import EnvironmentLight
 from raytide.scene.materials import Material
@@ -32,6 +33,8 @@ def texture_problems(scene: Scene, texture_names: Sequence[str]) -> list[Problem
         for parameter, texture in material.textures().items()
         if texture not in names
     ]
+    for name, material in scene.materials.items():
+        problems += _relief_problems(scene, name, material)
     files = [(("textures", name), t.file) for name, t in scene.textures.items() if isinstance(t, Bitmap)]
     files += [
         (("lights", name), light.file)
@@ -49,6 +52,21 @@ def _unknown(name: str, material: Material, parameter: str, texture: str, names:
     known = list_words(names).removeprefix("one of ") if names else "there is none"
     key = path_words(("materials", name, parameter))
     return Problem(key, came, f"{wanted} ({known})", hint=nearest(texture, names))
+
+
+def _relief_problems(scene: Scene, name: str, material: Material) -> list[Problem]:
+    """Maps of normals that would be decoded as colours, maps of heights without slopes, and both at once."""
+    problems = []
+    if material.normal_map is not None and material.bump_map is not None:
+        problems.append(Problem(path_words(("materials", name)), "normal_map and bump_map", "one of them"))
+    normals, heights = (scene.textures.get(getattr(material, map_name) or "") for map_name in material.RELIEF)
+    if isinstance(normals, Bitmap) and not normals.raw and normals.file.lower().endswith(BYTE_SUFFIXES):
+        key = path_words(("textures", material.normal_map or "", "raw"))
+        problems.append(Problem(key, "false", "raw = true, for a normal map holds numbers"))
+    if heights is not None and not (isinstance(heights, Bitmap) and heights.filter == "bilinear"):
+        key = path_words(("materials", name, "bump_map"))
+        problems.append(Problem(key, f"a {heights.type} without slopes", "a bitmap with the filter bilinear"))
+    return problems
 
 
 def _file_problems(scene: Scene, key: str, file: str) -> list[Problem]:
@@ -95,6 +113,8 @@ def texture_warnings(scene: Scene) -> list[str]:
     found = [f"textures.{name}: no material uses it" for name in scene.textures if name not in used]
     for name, material in scene.materials.items():
         for parameter, texture in material.textures().items():
+            if parameter in material.RELIEF:
+                continue
             low, high = values_of(scene, scene.textures[texture])
             least, most = range_of(material, parameter)
             if low < least or high > most:

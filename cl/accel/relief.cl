@@ -1,0 +1,76 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/vector.cl"
+#include "accel/geometry.cl"
+#include "accel/textured.cl"
+// Shading normals from pictures of normals or of heights (Blinn 1978). What they may not do is kept elsewhere: light
+// goes by the geometric side of a surface, so that none leaks through.
+
+#if HAS_RELIEF
+// Derivatives of the point by its texture coordinates; zero where these do not spread over the surface.
+static void surface_tangents(const Geometry g, const Surface *s, float3 *along_u, float3 *along_v)
+{
+#if HAS_TRIANGLES
+    if (s->prim < g.triangle_count) {
+        const uint4 corner = g.triangles[s->prim].v;
+        const float3 first = xyz(g.vertices[corner.x].p);
+        const float3 e1 = xyz(g.vertices[corner.y].p) - first;
+        const float3 e2 = xyz(g.vertices[corner.z].p) - first;
+        const float2 uv = g.textures.uvs[corner.x];
+        const float2 d1 = g.textures.uvs[corner.y] - uv;
+        const float2 d2 = g.textures.uvs[corner.z] - uv;
+        const float determinant = difference_of_products(d1.x, d2.y, d1.y, d2.x);
+        const float inverse = determinant != 0.0f ? 1.0f / determinant : 0.0f;
+        *along_u = (e1 * d2.y - e2 * d1.y) * inverse;
+        *along_v = (e2 * d1.x - e1 * d2.x) * inverse;
+        return;
+    }
+#endif
+    *along_u = (float3)(0.0f);
+    *along_v = (float3)(0.0f);
+    shape_tangents(g.shapes + (s->prim - g.triangle_count), s->p, s->ng, along_u, along_v);
+}
+
+// Red, green and blue run from -1 to 1 along u, along v as far as it is across u, and along the normal.
+static float3 mapped_normal(const float3 color, const float3 n, const float3 along_u, const float3 along_v)
+{
+    const float3 a = normalize3(along_u - n * dot3(n, along_u));
+    const float3 b = cross3(n, a) * (dot3(cross3(along_u, along_v), n) < 0.0f ? -1.0f : 1.0f);
+    const float3 along = 2.0f * color - (float3)(1.0f);
+    return normalize3(a * along.x + b * along.y + n * along.z);
+}
+
+// Normal of the surface raised by a height whose derivatives are `slope`.
+static float3 raised_normal(const float2 slope, const float3 n, const float3 ng, const float3 along_u,
+                            const float3 along_v)
+{
+    const float3 u = along_u + n * (slope.x - dot3(n, along_u));
+    const float3 v = along_v + n * (slope.y - dot3(n, along_v));
+    const float3 across = normalize3(cross3(u, v));
+    return dot3(across, ng) < 0.0f ? -across : across;
+}
+
+// The shading normal at a surface point: its own where the material has no relief or the map gives no direction.
+static float3 relief_normal(const Geometry g, global const Material *m, const Surface *s)
+{
+    for (uint i = 0u; i < m->slot_count; i++) {
+        global const TextureSlot *slot = g.textures.slots + (m->first_slot + i);
+        if (slot->width != SLOT_NORMALS && slot->width != SLOT_HEIGHTS) {
+            continue;
+        }
+        float3 along_u, along_v;
+        surface_tangents(g, s, &along_u, &along_v);
+        const TexturePoint at = texture_point(g, s->prim, s->uv, s->p, s->ng);
+        global const Texture *t = g.textures.table + slot->texture;
+        float3 n = s->n;
+        if (slot->width == SLOT_NORMALS) {
+            n = mapped_normal(texture_value(t, g, at), s->n, along_u, along_v);
+#if HAS_BITMAP
+        } else {
+            n = raised_normal(slot->low * bitmap_slope(t, g, at), s->n, s->ng, along_u, along_v);
+#endif
+        }
+        return dot3(n, n) > 0.5f ? n : s->n;
+    }
+    return s->n;
+}
+#endif
