@@ -7,11 +7,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from oracles_geometry import crowd
+from oracles_geometry import crowd, features
 from raytide.accel import FlatGeometry, Tree, build_tree, compact_tree
 from raytide.accel.compact import compact_source, first_triangles
 from raytide.accel.tree import HIGH_ROWS, LOW_ROWS, empty_nodes
-from raytide.kernels import NONE, RECORDS
+from raytide.kernels import NONE, RECORDS, assemble
 
 LEAST_STEP = Fraction(1, 2**126)
 CASES = {
@@ -128,3 +128,30 @@ def test_an_empty_tree_stays_empty(device: object) -> None:
     tree: Tree = compact_tree(build_tree(nothing, "sah", None), nothing, device)  # type: ignore[arg-type]
     assert tree.block_count == 0 and (tree.nodes["child"] == NONE).all()
     assert (tree.nodes["grid"].view(np.uint32)[:, 3] >> 24 == 0).all()
+
+
+SORT_KERNEL = """
+#include "accel/compact_walk.cl"
+kernel void sorted(const uint count, global uint *keys)
+{
+    const uint i = (uint)get_global_id(0);
+    uint own[8];
+    for (uint k = 0u; k < 8u && i < count; k++) {
+        own[k] = keys[8u * i + k];
+    }
+    sort8(own);
+    for (uint k = 0u; k < 8u && i < count; k++) {
+        keys[8u * i + k] = own[k];
+    }
+}
+"""
+
+
+def test_the_network_sorts_whatever_comes(device: object) -> None:
+    """All 256 rows of zeros and ones: a network that sorts them sorts every row (Knuth, TAOCP 5.3.4)."""
+    source = assemble("", features(compact=True), SORT_KERNEL)
+    program = device.build({"sorted": source})["sorted"]  # type: ignore[attr-defined]
+    rows = (np.arange(256)[:, None] >> np.arange(8) & 1).astype(np.uint32)
+    keys = device.upload(rows)  # type: ignore[attr-defined]
+    device.launch(program, "sorted", 256, 64, np.uint32(256), keys)  # type: ignore[attr-defined]
+    assert np.array_equal(device.read(keys, np.uint32, 2048).reshape(256, 8), np.sort(rows, axis=1))  # type: ignore[attr-defined]

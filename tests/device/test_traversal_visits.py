@@ -66,16 +66,18 @@ def test_rays_along_an_axis_visit_no_more_than_tilted_ones(device: object, compa
 
 
 @LAYOUTS
-def test_boxes_are_visited_from_near_to_far(device: object, compact: bool) -> None:
-    """1000 layers, of which every ray meets all boxes but only the second half's triangles: the closest hit visits the
-    leaves of the first half and the one behind, and no farther ones."""
+@pytest.mark.parametrize("towards", [1, -1])
+def test_boxes_are_visited_from_near_to_far(device: object, compact: bool, towards: int) -> None:
+    """1000 layers, of which every ray meets all boxes but only triangles from the 470th on: the closest hit visits the
+    leaves before that and the one around it, and none farther, not even of the same node; in the order of the
+    children's numbers and against it."""
     beside = np.array([[-2000, -2000, 0], [2000, -2000, 0], [-2000, 2000, 0]])
-    across = np.array([[-2000, -2000, 0], [2000, -2000, 0], [0, 4000, 0]])
+    across = np.array([[-2000, -2000, 0], [2000, -2000, 0], [0, 2000, 0]])
     depth = np.arange(1, 1001)[:, None, None] * [0, 0, 1.0]
-    geometry = soup(depth + np.where(depth[..., 2:] < 500, beside, across))
+    geometry = soup((depth + np.where(depth[..., 2:] < 470, beside, across)) * [1, 1, towards])
     rng = np.random.default_rng(52)
-    rays = rays_of(rng.uniform(1, 2, (640, 3)) * [1, 1, 0], [[0.001, 0.002, 1.0]])
-    in_front = sum(block["prim"].min() <= 499 for block in simple_tree(geometry)[1])
+    rays = rays_of(rng.uniform(1, 2, (640, 3)) * [1, 1, 0], [[0.001, 0.002, towards]])
+    in_front = sum(block["prim"].min() <= 469 for block in simple_tree(geometry)[1])
     mean = visits(device, geometry, rays, compact).sum(axis=0) / 640
     assert mean[1] == in_front and mean[0] < in_front
     anywhere = visits(device, geometry, rays, compact, any_hit=True).sum(axis=0) / 640

@@ -28,6 +28,8 @@ def picture(scene: rt.Scene, device: Device, traversal: str, everything: bool = 
 @pytest.fixture(scope="module")
 def as_gpu(device: Device) -> Iterator[Device]:
     """The device of the test, taken for a GPU: its kernels, its launches and its defaults are those of that class."""
+    if device.kind == "intel":
+        pytest.skip("outside its own class Intel's runtime joins work-items, and rounds the same kernel now so, now so")
     opened = open_device(replace(device.info, kind="gpu"))
     yield opened
     opened.close()
