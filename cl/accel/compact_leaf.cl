@@ -28,14 +28,8 @@ static int visit_triangles(const Geometry g, const Query *q, const uint child, C
                           in_axis_order(c, q->ray.axis), limit, &depth)) {
             continue;
         }
-        const uint prim = bits_of(a.w);
         const float t = corners_t(make4(xyz(a), 0.0f), b, c, q, depth, best->t);
-        if (t >= 0.0f && prim != q->ray.skip && better(best, t, prim)) {
-            best->t = t;
-            best->prim = prim;
-            best->place = i;
-            found = 1;
-        }
+        found |= take_triangle(g, q, bits_of(a.w), t, i, best);
     }
     return found;
 }

@@ -76,11 +76,10 @@ static int trace_mesh(const Geometry g, const Query *q, global const Mesh *mesh,
     *top++ = stack_entry(0.0f, STACK_END);
     *top++ = stack_entry(0.0f, mesh->root);
     while ((leaf = next_leaf(g, &q->slab, best->t, any, &top)) != STACK_END) {
-        const uint block = (leaf & CHILD_BLOCK_MASK) >> 3;
 #if HAS_COUNTERS
-        count_visit(g.visits, block, 1);
+        count_visit(g.visits, (leaf & CHILD_BLOCK_MASK) >> 3, 1);
 #endif
-        found |= visit_block(g, q, block, best);
+        found |= visit_triangles(g, q, leaf, best);
         if (found && any) {
             break;
         }

@@ -41,6 +41,40 @@ ALWAYS_INLINE static float corners_t(const float4 a, const float4 b, const float
     const int met = box_met(q->slab, min4(a, min4(b, c)), max4(a, max4(b, c)), limit, &enter);
     return met ? max_of(depth / q->shear.length_z, enter * NEAR_SCALE) : NO_HIT;
 }
+
+#if HAS_VISIBILITY
+// Instances were asked for their visibility before; their triangles have none of their own.
+static int in_instance(const Query *q)
+{
+#if HAS_INSTANCES
+    return q->first != 0u;
+#else
+    return 0;
+#endif
+}
+#endif
+
+// Makes the triangle the best if it beats that: met at t, or not at all where t is negative.
+ALWAYS_INLINE static int take_triangle(const Geometry g, const Query *q, uint prim, float t, const uint place,
+                                       Closest *best)
+{
+#if HAS_VISIBILITY
+    if (!in_instance(q) && is_hidden(g, g.triangles[prim].v.w)) {
+        return 0;
+    }
+#endif
+#if HAS_INSTANCES
+    prim += q->first;
+    t = t >= 0.0f ? max_of(t, q->least) : t;
+#endif
+    if (!(t >= 0.0f && prim != q->ray.skip && better(best, t, prim))) {
+        return 0;
+    }
+    best->t = t;
+    best->prim = prim;
+    best->place = place;
+    return 1;
+}
 #endif
 
 #if HAS_TRIANGLES && !HAS_COMPACT
@@ -66,18 +100,6 @@ ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane
     return corners_t(a, b, c, q, depth, limit);
 }
 
-#if HAS_VISIBILITY
-// Instances were asked for their visibility before; their triangles have none of their own.
-static int in_instance(const Query *q)
-{
-#if HAS_INSTANCES
-    return q->first != 0u;
-#else
-    return 0;
-#endif
-}
-#endif
-
 // 1 if the ray met a triangle of the block that beats `best`, which it then becomes.
 static int visit_block(const Geometry g, const Query *q, const uint index, Closest *best)
 {
@@ -93,23 +115,9 @@ static int visit_block(const Geometry g, const Query *q, const uint index, Close
     int found = 0;
     for (; mask != 0u; mask &= mask - 1u) {
         const uint lane = ctz_of(mask);
-        uint prim = ((global const uint *)&block->prim)[lane];
-        float t = triangle_t(block, lane, q, depths[lane], best->t);
-#if HAS_VISIBILITY
-        if (!in_instance(q) && is_hidden(g, g.triangles[prim].v.w)) {
-            continue;
-        }
-#endif
-#if HAS_INSTANCES
-        prim += q->first;
-        t = t >= 0.0f ? max_of(t, q->least) : t;
-#endif
-        if (t >= 0.0f && prim != q->ray.skip && better(best, t, prim)) {
-            best->t = t;
-            best->prim = prim;
-            best->place = index * 8u + lane;
-            found = 1;
-        }
+        const uint prim = ((global const uint *)&block->prim)[lane];
+        const float t = triangle_t(block, lane, q, depths[lane], best->t);
+        found |= take_triangle(g, q, prim, t, index * 8u + lane, best);
     }
     return found;
 }

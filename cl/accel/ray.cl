@@ -35,7 +35,7 @@ static int has_nodes(const Geometry g) { return g.block_count > 0u || g.shape_co
 // Largest coordinate magnitude of the geometry; its order of magnitude is enough. From the root's grid.
 static float geometry_extent(const Geometry g)
 {
-    return has_nodes(g) ? grid_reach(g.nodes[0].grid) : 0.0f;
+    return has_nodes(g) ? grid_reach(g.nodes[world_root(g)].grid) : 0.0f;
 }
 #else
 static float largest8(const float8 v)

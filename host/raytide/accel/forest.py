@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytide.accel.tree import ANALYTIC_BIT, LEAF_BIT, Tree, TreeStats, empty_nodes
-from raytide.kernels.records import NONE, RECORDS
+from raytide.accel.tree import ANALYTIC_BIT, LEAF_BIT, Tree, TreeStats
+from raytide.kernels.records import NONE
 
 if TYPE_CHECKING:
     from raytide.device import Buffer, Device
@@ -48,8 +48,7 @@ def moved_nodes(nodes: np.ndarray, first_node: int, first_block: int) -> np.ndar
     child = nodes["child"]
     leaf = child >= LEAF_BIT
     block = leaf & (child & ANALYTIC_BIT == 0)
-    moved = empty_nodes(len(nodes))
-    moved[:] = nodes
+    moved = nodes.copy()
     shift = np.where(block, np.uint32(first_block << 3), np.where(leaf, np.uint32(0), np.uint32(first_node)))
     moved["child"] = np.where(child == NONE, child, child + shift)
     return moved
@@ -63,8 +62,7 @@ def _together(trees: Sequence[Tree]) -> TreeStats:
     world = trees[-1].stats
     stats = [tree.stats for tree in trees]
     size, blocks = sum(item.bytes for item in stats), sum(tree.block_count for tree in trees)
-    triangles = sum(round(tree.stats.leaf_fill * tree.block_count) for tree in trees)
-    assert size == sum(len(tree.nodes) for tree in trees) * RECORDS["Node"].size + blocks * RECORDS["Block"].size
+    triangles = sum(round(item.bytes / item.bytes_per_triangle) for item in stats if item.bytes_per_triangle)
     return replace(
         world,
         nodes=sum(item.nodes for item in stats),

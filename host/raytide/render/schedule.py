@@ -60,10 +60,8 @@ def uses_packets(traversal: str, kind: str, features: Features) -> bool:
 
 
 def uses_compact(traversal: str, kind: str, features: Features) -> bool:
-    """Whether the tree is in the compact layout, and only there: where asked for, and by default on GPUs. Trees of
-    instances are in the wide layout always."""
-    wanted = traversal == "compact" or (traversal == "auto" and kind == "gpu")
-    return wanted and features.tree and not features.instances
+    """Whether the tree is in the compact layout, and only there: where asked for, and by default on GPUs."""
+    return features.tree and (traversal == "compact" or (traversal == "auto" and kind == "gpu"))
 
 
 @dataclass(frozen=True)
