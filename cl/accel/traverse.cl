@@ -238,7 +238,7 @@ static int prepare_query(const float extent, const Ray ray, Query *q)
 #include "accel/instance.cl"
 
 #if HAS_TRIANGLES
-static void set_weights(const Geometry g, const Query *q, const uint place, Hit *hit)
+ALWAYS_INLINE static void set_weights(const Geometry g, const Query *q, const uint place, Hit *hit)
 {
     global const char *lane = (global const char *)(g.blocks + (place >> 3)) + 4u * (place & 7u);
     float2 uv;
