@@ -91,6 +91,33 @@ def test_no_ray_leaks_out_of_a_closed_instance(device: object, place: str, at: s
 
 
 @pytest.mark.parametrize("place", PLACES)
+def test_flat_instances_are_met_at_every_point(device: object, place: str) -> None:
+    """Two triangles in a plane, whose box has no depth where the plane lies along the axes: 0 misses inside."""
+    scene = place_scene(place)
+    del scene.objects["analytic"], scene.objects["roof"]
+    scene["ball"].shape = rt.mesh(
+        vertices=[[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], faces=[[0, 2, 1], [0, 3, 2]]
+    )
+    scene["ball"].visible_to = []
+    if place == "huge":
+        scene[place].shape = scene[place].shape.rotate("z", 90)  # across another axis
+    tracer = InstanceTracer(device, scene.flatten())
+    rng = np.random.default_rng(4)
+    count = 50_000
+    _, center, forward = inverse_of(tracer.packed, 0)
+    spots = 0.99 * rng.uniform(-1, 1, (count, 3)) * (1, 0, 1)
+    spots[: count // 4, 2] = spots[: count // 4, 0]  # on the edge that they share
+    target = spots @ forward.T + center
+    reach = 3 * np.abs(forward).max()
+    origin = (target + reach * rng.normal(size=(count, 3))).astype(np.float32)
+    flat_on = np.abs((target - origin) @ np.cross(forward[:, 2], forward[:, 0]))
+    keep = flat_on > 0.05 * reach * np.linalg.norm(np.cross(forward[:, 2], forward[:, 0]))
+    assert keep.mean() > 0.5
+    hits, met = tracer.trace(rays_of(origin[keep], (target - origin)[keep].astype(np.float32)))
+    assert np.count_nonzero(hits["prim"] == NONE) == 0 and met.all()
+
+
+@pytest.mark.parametrize("place", PLACES)
 def test_surfaces_lie_within_their_error_and_what_leaves_them_does_not_come_back(device: object, place: str) -> None:
     """Against float64 planes of the instance as the records have it; spawned rays skip nothing here."""
     scene = place_scene(place)
@@ -166,7 +193,10 @@ def test_rays_see_only_what_is_visible_to_their_kind(device: object) -> None:
             made[hidden].visible_to = ["camera"]
         return made.flatten()
 
-    rays = rays_into(InstanceTracer(device, scene(None)), 8000)
+    whole = InstanceTracer(device, scene(None))
+    roof = whole.packed.geometry.vertices[whole.packed.geometry.triangles[0, :3], :3].mean(axis=0)
+    tiles = roof + 0.3 * np.random.default_rng(3).normal(size=(1024, 3))  # together, so that packets meet it
+    rays = np.concatenate([rays_of(np.zeros(3), tiles.astype(np.float32)), rays_into(whole, 7680)])
     for hidden in ("mirrored", "analytic", "roof", "floor"):
         for builder in ("sah", "none"):
             seen, _ = InstanceTracer(device, scene(hidden), builder, "camera").trace(rays)
