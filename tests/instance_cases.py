@@ -56,7 +56,7 @@ PLACES = {
     "mirrored": rt.instance("ball").scale((-1, 1, 1)).rotate("z", 25).translate(-3, 0, 1),
     "stretched": rt.instance("ball").scale((0.2, 3, 1)).rotate((3, 1, 0), 130).translate(0.3, -1, 0.2),
     "sheared": rt.instance("ball").moved({"matrix": (1, 2, 0, 5, 0, 0.5, 1.5, 3, 0.3, 0, 1, -4, 0, 0, 0, 1)}),
-    "skewed": rt.instance("ball").moved({"matrix": (1, 40, 7, 3, 0, 1, 25, -8, 0, 0, 1, -9, 0, 0, 0, 1)}),
+    "skewed": rt.instance("ball").moved({"matrix": (1, 9, 7, 3, 0, 1, 8, -8, 0, 0, 1, -9, 0, 0, 0, 1)}).rotate("x", 33),
     "small": rt.instance("ball").scale(1e-3).translate(0.1, 0.2, 4),
     "huge": rt.instance("ball").scale(2000).translate(0, -2300, 0),
 }
