@@ -120,8 +120,22 @@ def test_flat_instances_are_met_at_every_point(device: object, place: str) -> No
 
 @pytest.mark.parametrize("place", PLACES)
 def test_surfaces_lie_within_their_error_and_what_leaves_them_does_not_come_back(device: object, place: str) -> None:
-    """Against float64 planes of the instance as the records have it; spawned rays skip nothing here."""
+    check_surfaces(device, place_scene(place))
+
+
+@pytest.mark.parametrize("place", ["skewed", "sheared", "stretched"])
+def test_the_same_holds_for_a_plate_that_its_instance_stretches_most(device: object, place: str) -> None:
+    """Along its normal what moving a ray errs by counts most: as much as the condition of the matrix."""
     scene = place_scene(place)
+    towards = np.linalg.svd(np.linalg.inv(scene.flatten().instances[0].matrix[:3, :3]))[0]
+    corners = [x * towards[:, 0] + y * towards[:, 1] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    scene["ball"].shape = rt.mesh(vertices=corners, faces=[[0, 1, 2], [0, 2, 3]])
+    scene["ball"].visible_to = []
+    check_surfaces(device, scene)
+
+
+def check_surfaces(device: object, scene: rt.Scene) -> None:
+    """Against float64 planes of the instance as the records have it; spawned rays skip nothing here."""
     tracer = InstanceTracer(device, scene.flatten())
     rays = rays_into(tracer, 30_000, seed=5)
     hits, _ = tracer.trace(rays)

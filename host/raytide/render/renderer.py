@@ -123,9 +123,10 @@ class Renderer:
         """Trees stay while their geometry and the builder do: that of a mesh, wherever its instances go."""
         parts, builder = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)], self.flat.render.bvh
         kept = [(tree, of) for tree, of, by in self._trees if by == builder]
-        trees = []
+        trees: list[Tree] = []
         for part in parts:
-            same = next((tree for tree, of in kept if _same(of, part)), None)
+            likely = kept[len(trees) : len(trees) + 1] + kept  # most keep their places
+            same = next((tree for tree, of in likely if _same(of, part)), None)
             trees.append(same or build_tree(part, builder, self.device))
         self._trees = [(tree, part, builder) for tree, part in zip(trees, parts, strict=True)]
         self.forest = Forest(trees[0], trees[1:])
