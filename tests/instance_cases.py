@@ -34,7 +34,7 @@ class InstanceTracer(Tracer):
             kernels["packet"] = source(features, PACKET_KERNELS)
         built = device.build({name: replace(text, name=name) for name, text in kernels.items()})  # type: ignore[attr-defined]
         self.device, self.program, self.packets = device, built["trace"], built.get("packet")
-        self.flat, self.packed = flat, pack(flat, features)
+        self.flat, self.packed, self.compact = flat, pack(flat, features), None
         parts = (self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes))
         trees = [build_tree(part, builder, device) for part in parts]  # type: ignore[arg-type]
         self.forest = Forest(trees[0], trees[1:])
@@ -56,6 +56,7 @@ PLACES = {
     "mirrored": rt.instance("ball").scale((-1, 1, 1)).rotate("z", 25).translate(-3, 0, 1),
     "stretched": rt.instance("ball").scale((0.2, 3, 1)).rotate((3, 1, 0), 130).translate(0.3, -1, 0.2),
     "sheared": rt.instance("ball").moved({"matrix": (1, 2, 0, 5, 0, 0.5, 1.5, 3, 0.3, 0, 1, -4, 0, 0, 0, 1)}),
+    "skewed": rt.instance("ball").moved({"matrix": (1, 9, 7, 3, 0, 1, 8, -8, 0, 0, 1, -9, 0, 0, 0, 1)}).rotate("x", 33),
     "small": rt.instance("ball").scale(1e-3).translate(0.1, 0.2, 4),
     "huge": rt.instance("ball").scale(2000).translate(0, -2300, 0),
 }

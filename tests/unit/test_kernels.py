@@ -89,3 +89,10 @@ def test_parameters_are_loaded_in_packing_order() -> None:
     text = assemble("", FEATURES, "kernel void k() {}").text
     assert "out.k = (float3)(m->p0.s3, m->p1.s0, m->p1.s1);" in text
     assert "out.roughness = m->p1.s2;" in text
+
+
+def test_kinds_of_ray_are_those_that_scenes_name() -> None:
+    from raytide.kernels.constants import RAY_KINDS
+    from raytide.scene.values import RAY_KINDS as NAMED
+
+    assert RAY_KINDS == NAMED

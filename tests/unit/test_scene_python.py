@@ -231,7 +231,9 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.M
 
 def test_documented_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).resolve().parents[2] / "docs" / "scenes.md").read_text()
-    blocks = dict(re.findall(r"```(toml|python)\n(.*?)```", page, re.DOTALL))
+    blocks = {"toml": "", "python": ""}
+    for language, block in re.findall(r"```(toml|python)\n(.*?)```", page, re.DOTALL):
+        blocks[language] += block  # the tables of a page make one scene
     ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     ply += "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
     (tmp_path / "meshes").mkdir()

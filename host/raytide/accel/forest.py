@@ -13,15 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytide.accel.tree import ANALYTIC_BIT, LEAF_BIT, Tree, TreeStats
+from raytide.errors import UsageError
 from raytide.kernels.records import NONE
 
 if TYPE_CHECKING:
     from raytide.device import Buffer, Device
 
+MOST_BLOCKS = 1 << 27
+
 
 class Forest:
     """Trees with places in common arrays. `roots` and `first_blocks` are those of the meshes and, last, the world's;
-    `stats` are of all trees together, but for builder, place and SAH cost, which are the world's."""
+    `stats` are of all trees together, but for builder, place and SAH cost, which are the world's. Raises UsageError
+    for more blocks than child words can name."""
 
     def __init__(self, world: Tree, meshes: Sequence[Tree] = ()) -> None:
         self.world, self.meshes = world, tuple(meshes)
@@ -31,6 +35,8 @@ class Forest:
         self.node_count = self.roots[-1] + len(world.nodes)
         self.block_count = self.first_blocks[-1] + world.block_count
         self.stats = _together(trees) if self.meshes else world.stats
+        if self.block_count > MOST_BLOCKS:
+            raise UsageError(f"{self.block_count} blocks of triangles in all trees; child words can name {MOST_BLOCKS}")
 
     def buffers(self, device: Device) -> tuple[Buffer, Buffer]:
         """Nodes and blocks of all trees on `device`."""

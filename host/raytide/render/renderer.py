@@ -139,9 +139,10 @@ class Renderer:
         parts = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)]
         how = (self.flat.render.bvh, self.features.compact)
         kept = [(tree, of) for tree, of, by in self._trees if by == how]
-        trees = []
+        trees: list[Tree] = []
         for place, part in enumerate(parts):
-            tree = next((tree for tree, of in kept if _same(of, part)), None)
+            likely = kept[place : place + 1] + kept  # most keep their places
+            tree = next((tree for tree, of in likely if _same(of, part)), None)
             if tree is None:
                 tree = self._new_tree(part, kept[0] if kept and place == 0 else None)
             trees.append(tree)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
-from raytide.scene.instances import Shown, shown_objects
+from raytide.scene.instances import Shown, ShownObjects, shown_objects
 from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.materials import Emissive, Material
 from raytide.scene.model import path_words
@@ -21,8 +23,8 @@ if TYPE_CHECKING:
     from raytide.scene.scene import Scene
 
 
-def scene_problems(scene: Scene) -> list[Problem]:
-    """Everything that keeps a scene from being rendered."""
+def scene_problems(scene: Scene, shown: ShownObjects | None = None) -> list[Problem]:
+    """Everything that keeps a scene from being rendered; `shown` spares finding out once more."""
     strangers = [
         Problem(path_words((group, str(name))), value_words(thing), f"a {base.__name__.lower()}")
         for group, base in (("textures", Texture), ("materials", Material), ("objects", Shape), ("lights", Light))
@@ -31,7 +33,7 @@ def scene_problems(scene: Scene) -> list[Problem]:
     ]
     if strangers:
         return strangers
-    found = object_problems(scene, list(scene.materials)) + light_problems(scene)
+    found = object_problems(scene, list(scene.materials), shown) + light_problems(scene)
     return found + texture_problems(scene, list(scene.textures))
 
 
@@ -42,9 +44,12 @@ def light_problems(scene: Scene) -> list[Problem]:
     return [Problem(path_words(("lights", name)), came, "at most one environment") for name in skies[1:]]
 
 
-def object_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:
+def object_problems(
+    scene: Scene, material_names: Sequence[str], shown: ShownObjects | None = None
+) -> list[Problem]:
     """Problems of the objects; `material_names` also holds materials that were refused for their own problems."""
-    found, problems = shown_objects(scene.objects)
+    shown = shown or shown_objects(scene.objects)
+    found, problems = shown.by_name, list(shown.problems)
     for name, shape in scene.objects.items():
         problems += _material_problems(scene, name, shape, found.get(name), material_names)
         problems += _place_problems(name, shape, found.get(name))
@@ -74,8 +79,9 @@ def _material_problems(
 def _place_problems(name: str, shape: Shape, shown: Shown | None) -> list[Problem]:
     """A transform that cannot be used, or that takes the shape out of float32's range."""
     key = path_words(("objects", name, "transform"))
-    fault = fault_of(matrix_of(shape.transform))
-    if not fault and shown and isinstance(shape, Instance):
+    own = shown.own_matrix if shown else matrix_of(shape.transform)
+    fault = fault_of(own)
+    if not fault and shown and not np.array_equal(shown.matrix, own):
         fault = fault_of(shown.matrix)
     if fault:
         came, _, wanted = fault.removeprefix("came ").partition("; wanted ")
@@ -108,9 +114,9 @@ def _mesh_problems(scene: Scene, name: str, shape: Mesh) -> list[Problem]:
     return []
 
 
-def scene_warnings(scene: Scene) -> list[str]:
-    """What looks wrong but does not stop a render."""
-    shown, _ = shown_objects(scene.objects)
+def scene_warnings(scene: Scene, shown_before: ShownObjects | None = None) -> list[str]:
+    """What looks wrong but does not stop a render; `shown_before` spares finding out what objects show once more."""
+    shown = (shown_before or shown_objects(scene.objects)).by_name
     used = {found.material for found in shown.values()}
     found = [*scene.notes, *(f"materials.{name}: no object uses it" for name in scene.materials if name not in used)]
     named = {shape.of for shape in scene.objects.values() if isinstance(shape, Instance)}

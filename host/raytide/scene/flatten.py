@@ -11,13 +11,14 @@ from raytide.errors import SceneError
 from raytide.importers.limits import LARGEST, SMALLEST
 from raytide.importers.meshdata import MeshData, longest_edges
 from raytide.scene.camera import Camera
+from raytide.scene.check import scene_problems, scene_warnings
 from raytide.scene.instances import shown_objects
 from raytide.scene.lights import Light
 from raytide.scene.materials import Material
 from raytide.scene.normals import smooth_normals
 from raytide.scene.painted import FlatTextures, Painted, flat_textures
 from raytide.scene.settings import RenderSettings
-from raytide.scene.shapes import Mesh
+from raytide.scene.shapes import Mesh, Shape
 from raytide.scene.shared import FlatInstance, FlatMesh, shared_meshes
 from raytide.scene.transform import is_mirror, move_normals, move_points
 from raytide.scene.values import RAY_KINDS
@@ -110,15 +111,16 @@ class _Piece:
 def flatten_scene(scene: Scene, share: bool = True) -> FlatScene:
     """All objects in world space; without `share` every instance gets triangles of its own. Raises SceneError with all
     problems of the scene."""
-    problems = scene.problems()
-    if problems:
+    found = shown_objects(scene.objects) if all(isinstance(item, Shape) for item in scene.objects.values()) else None
+    problems = scene_problems(scene, found)
+    if problems or found is None:
         raise SceneError(problems)
+    shown = found.by_name
     places = {name: place for place, name in enumerate(scene.materials)}
     shapes: list[FlatShape] = []
     objects: list[FlatObject] = []
     pieces: list[_Piece] = []
-    warnings = scene.warnings()
-    shown, _ = shown_objects(scene.objects)
+    warnings = scene_warnings(scene, found)
     meshes, instances = shared_meshes(scene, shown, warnings) if share else ([], [])
     instance_of = {instance.object: place for place, instance in enumerate(instances)}
     first = 0

@@ -20,15 +20,25 @@ MOST_NAMES = 200  # looked through for the nearest one, so that thousands of mis
 @dataclass(frozen=True)
 class Shown:
     """An object's shape, which is no instance, under the name where the scene declares it; its (4, 4) matrix to the
-    world, float64; and the name of its material: its own, or that of the object it is an instance of."""
+    world, float64, and that of its own transform alone; and the name of its material: its own, or that of the object
+    it is an instance of."""
 
     name: str
     shape: Shape
     matrix: np.ndarray
+    own_matrix: np.ndarray
     material: str | None
 
 
-def shown_objects(objects: Mapping[str, Shape]) -> tuple[dict[str, Shown], list[Problem]]:
+@dataclass(frozen=True)
+class ShownObjects:
+    """What each object shows, by its name, but for instances that lead nowhere; and the problems of these."""
+
+    by_name: dict[str, Shown]
+    problems: list[Problem]
+
+
+def shown_objects(objects: Mapping[str, Shape]) -> ShownObjects:
     """What each object shows, and a problem for each instance of an unknown object or of itself.
 
     Instances of instances act in a row: the innermost object's transform first.
@@ -52,7 +62,7 @@ def shown_objects(objects: Mapping[str, Shape]) -> tuple[dict[str, Shown], list[
         elif of not in lost:
             problems.append(_unknown(objects, links[-1], of))
         lost.update(links)
-    return found, problems
+    return ShownObjects(found, problems)
 
 
 def _next(objects: Mapping[str, Shape], name: str) -> str | None:
@@ -63,10 +73,10 @@ def _next(objects: Mapping[str, Shape], name: str) -> str | None:
 def _shown(name: str, shape: Shape, found: Mapping[str, Shown]) -> Shown:
     matrix = matrix_of(shape.transform)
     if not isinstance(shape, Instance):
-        return Shown(name, shape, matrix, shape.material)
+        return Shown(name, shape, matrix, matrix, shape.material)
     inner = found[shape.of]
     with np.errstate(over="ignore", invalid="ignore"):  # fault_of() speaks about what overflows
-        return Shown(inner.name, inner.shape, matrix @ inner.matrix, shape.material or inner.material)
+        return Shown(inner.name, inner.shape, matrix @ inner.matrix, matrix, shape.material or inner.material)
 
 
 def _unknown(objects: Mapping[str, Shape], name: str, of: str) -> Problem:
