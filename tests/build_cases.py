@@ -63,6 +63,13 @@ def points(count: int) -> FlatGeometry:
     return mesh(np.full((3, 3), 0.3), np.zeros((count, 3), int) + [0, 1, 2])
 
 
+def flat(count: int) -> FlatGeometry:
+    """`soup` pressed into one plane."""
+    inner = soup(count)
+    inner.vertices[:, 1] = 0.25
+    return inner
+
+
 def with_outlier(count: int, distance: float = 1e15) -> FlatGeometry:
     """`soup` and one triangle far away, the last."""
     inner = soup(count)
@@ -111,6 +118,7 @@ CASES: dict[str, Callable[[], FlatGeometry]] = {
     "identical": lambda: identical(300),
     "line": lambda: line(200),
     "points": lambda: points(100),
+    "flat": lambda: flat(200),
     "outlier": lambda: with_outlier(500),
     "chain": chain,
     "chains": chains,
