@@ -13,10 +13,10 @@ import numpy as np
 
 from raytide.accel import Tree
 from raytide.device import Buffer, Device, Program
-from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE
+from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE, trace_launch
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
-from raytide.render.schedule import PACKET_LOCAL_SIZE, WavePlan
+from raytide.render.schedule import WavePlan
 
 # Launches whose queues follow the tiles of the picture: compaction keeps the order in which camera rays were made.
 TILE_ORDERED = ("primary", "shadow[1]")
@@ -148,11 +148,11 @@ class Waves:
         self._trace("extend", label, count, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits)
 
     def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
-        """Traces `count` rays, 64 an item where their queue is in tile order and packets were built."""
+        """Traces `count` rays, by packets where their queue is in tile order and packets were built."""
         packet = label in TILE_ORDERED and f"{wave}_packet" in self.programs
         self.traced_by[label] = "packet" if packet else "single"
         name = f"{wave}_packet" if packet else wave
-        items, local = (-(-count // TILE), PACKET_LOCAL_SIZE) if packet else (count, 64)
+        items, local = trace_launch(count, alone=not packet and self.device.kind == "gpu")
         self.device.launch(self.programs[name], name, items, local, *self.scene.geometry, *arguments, label=label)
 
     def _shade(self, count: int) -> tuple[int, np.ndarray]:
