@@ -4,6 +4,7 @@
 #include "accel/ray.cl"
 #include "accel/box.cl"
 #include "accel/watertight.cl"
+#include "accel/leaky.cl"
 #include "dispatch/shape.cl"
 // Leaves: triangle blocks and analytic shapes. Whatever the order of visits, the winner is the smallest t, then the
 // lowest id. A candidate counts only if its own box is met, by the arithmetic of the tree's boxes, and no earlier than
@@ -76,14 +77,32 @@ static int stands(const Geometry g, const Query *q, const Closest *best)
            best->t >= enter * NEAR_SCALE;
 }
 
+// Mask of the block's triangles that the ray meets as far as `limit`, and their depths, of which t is a multiple.
+ALWAYS_INLINE static uint block_met8(global const Block *block, const Query *q, const float limit, float8 *depth)
+{
+#if HAS_LEAKY
+    return leaky_met8(block, q->ray, limit * FAR_SCALE, depth);
+#else
+    return triangles_met8(block, q->shear, limit * q->shear.length_z * FAR_SCALE, depth);
+#endif
+}
+
+static float t_of_depth(const Query *q, const float depth)
+{
+#if HAS_LEAKY
+    return depth + 0.0f;
+#else
+    return depth / q->shear.length_z + 0.0f;  // never -0
+#endif
+}
+
 // 1 if the ray met a triangle of the block that beats `best`, which it then becomes.
 static int visit_block(const Geometry g, const Query *q, const uint index, Closest *best)
 {
     float depths[8] __attribute__((aligned(32)));
     float8 depth;
     global const Block *block = g.blocks + index;
-    const float limit = best->t * q->shear.length_z * FAR_SCALE;
-    uint mask = triangles_met8(block, q->shear, limit, &depth);
+    uint mask = block_met8(block, q, best->t, &depth);
     if (mask == 0u) {
         return 0;
     }
@@ -93,7 +112,7 @@ static int visit_block(const Geometry g, const Query *q, const uint index, Close
         const uint lane = ctz_of(mask);
         const uint prim = ((global const uint *)&block->prim)[lane];
         const float t = q->exact ? triangle_t(block, lane, q, depths[lane], best->t)
-                                 : depths[lane] / q->shear.length_z + 0.0f;  // never -0
+                                 : t_of_depth(q, depths[lane]);
         if (t >= 0.0f && prim != q->ray.skip && better(best, t, prim)) {
             best->t = t;
             best->prim = prim;

@@ -3,7 +3,6 @@
 #include "accel/geometry.cl"
 #include "accel/ray.cl"
 #include "accel/box.cl"
-#include "accel/watertight.cl"
 #include "accel/leaf.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
@@ -226,7 +225,11 @@ static Closest trace(const Geometry g, Query *q, const int any)
     if (any && best.prim != NONE) {
         return best;
     }
-#if PLAIN_FIRST
+#if HAS_LEAKY
+    q->exact = 0;
+    trace_all(g, q, any, &best);
+    return best;
+#elif PLAIN_FIRST
     for (q->exact = any;; q->exact = 1) {
         trace_all(g, q, any, &best);
         if (q->exact || stands(g, q, &best)) {
@@ -265,8 +268,14 @@ static Hit hit_of(const Geometry g, const Query *q, const Closest best)
     if (best.prim < g.triangle_count) {
         global const char *lane = (global const char *)(g.blocks + (best.place >> 3)) + 4u * (best.place & 7u);
         float2 uv;
+#if HAS_LEAKY
+        const uint4 rows = (uint4)(0u, 1u, 2u, 0u) * ROW;
+        uv = leaky_weights(q->ray, lane_corner(lane, rows), lane_corner(lane + 3u * ROW, rows),
+                           lane_corner(lane + 6u * ROW, rows));
+#else
         triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
                        lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
+#endif
         hit.u = uv.x;
         hit.v = uv.y;
     }

@@ -45,6 +45,7 @@ class Features:
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
     counters: bool = False  # instrumented build
+    leaky: bool = False  # only in the benchmark of rays: a triangle test that leaks, to compare with
 
     @property
     def material_kinds(self) -> tuple[str, ...]:

@@ -17,7 +17,9 @@ from raytide.kernels.source import assemble
 from raytide.report.ray_scenes import RayScene
 from raytide.report.ray_sets import RaySet
 
-TRAVERSALS = ("single", "packet")  # how rays can be traced, the default first
+# How rays can be traced, the default first. "plain" is single rays with a triangle test that leaks, which no render
+# has: what watertightness costs.
+TRAVERSALS = ("single", "packet", "plain")
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,9 @@ class RayTracer:
         if traversal not in TRAVERSALS:
             raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
         self.device, self.geometry, self.traversal = device, geometry, traversal
-        features = Features(tree=builder != "none")
-        if traversal == "packet" and not features.tree:
-            raise UsageError("traversal: came 'packet' without a tree; wanted single")
+        features = Features(tree=builder != "none", leaky=traversal == "plain")
+        if traversal != "single" and not features.tree:
+            raise UsageError(f"traversal: came {traversal!r} without a tree; wanted single")
         self._suffix = "_packet" if traversal == "packet" else ""
         names = [f"{wave}{self._suffix}" for wave in ("extend", "shadow")]
         self.sources = {name: assemble(f"wave/{name}.cl", features) for name in names}
