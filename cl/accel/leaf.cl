@@ -4,10 +4,16 @@
 #include "accel/ray.cl"
 #include "accel/box.cl"
 #include "accel/watertight.cl"
+#include "accel/leaky.cl"
 #include "dispatch/shape.cl"
 // Leaves: triangle blocks and analytic shapes. Whatever the order of visits, the winner is the smallest t, then the
 // lowest id. A candidate counts only if its own box is met, by the arithmetic of the tree's boxes, and no earlier than
 // that box: so no box around it can have been culled, and brute force and every tree agree to the last bit.
+//
+// Closest hits spare themselves that test (the query's `exact` is 0): the winner W by plain t is tested once, in stands(). If its
+// box is met and no later than its t, it has won the exact way too: whatever candidate X would beat it has a plain t
+// no larger than its exact one, hence than W's; all boxes around X are met no later than that, so X was visited, and
+// would have won by plain t. Else the ray is traced once more, exactly.
 
 typedef struct {
     float t;     // scaled; t_max until something is met
@@ -25,6 +31,7 @@ typedef struct {
     uint first;   // what is added to the ids of triangles
     float least;  // no hit is nearer
 #endif
+    int exact;  // whether each candidate's own box is tested
 } Query;
 
 static int better(const Closest *best, const float t, const uint prim)
@@ -100,14 +107,48 @@ ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane
     return corners_t(a, b, c, q, depth, limit);
 }
 
+// Whether `best`, found by plain t, is what exact candidates give as well.
+static int stands(const Geometry g, const Query *q, const Closest *best)
+{
+    if (best->prim >= g.triangle_count) {
+        return 1;
+    }
+    global const Block *block = g.blocks + (best->place >> 3);
+    const uint lane = best->place & 7u;
+    const float4 a = lane_vertex(block, 0u, lane);
+    const float4 b = lane_vertex(block, 1u, lane);
+    const float4 c = lane_vertex(block, 2u, lane);
+    float enter;
+    return box_met(q->slab, min4(a, min4(b, c)), max4(a, max4(b, c)), best->t, &enter) &&
+           best->t >= enter * NEAR_SCALE;
+}
+
+// Mask of the block's triangles that the ray meets as far as `limit`, and their depths, of which t is a multiple.
+ALWAYS_INLINE static uint block_met8(global const Block *block, const Query *q, const float limit, float8 *depth)
+{
+#if HAS_LEAKY
+    return leaky_met8(block, q->ray, limit * FAR_SCALE, depth);
+#else
+    return triangles_met8(block, q->shear, limit * q->shear.length_z * FAR_SCALE, depth);
+#endif
+}
+
+static float t_of_depth(const Query *q, const float depth)
+{
+#if HAS_LEAKY
+    return depth + 0.0f;
+#else
+    return depth / q->shear.length_z + 0.0f;  // never -0
+#endif
+}
+
 // 1 if the ray met a triangle of the block that beats `best`, which it then becomes.
 static int visit_block(const Geometry g, const Query *q, const uint index, Closest *best)
 {
     float depths[8] __attribute__((aligned(32)));
     float8 depth;
     global const Block *block = g.blocks + index;
-    const float limit = best->t * q->shear.length_z * FAR_SCALE;
-    uint mask = triangles_met8(block, q->shear, limit, &depth);
+    uint mask = block_met8(block, q, best->t, &depth);
     if (mask == 0u) {
         return 0;
     }
@@ -116,7 +157,8 @@ static int visit_block(const Geometry g, const Query *q, const uint index, Close
     for (; mask != 0u; mask &= mask - 1u) {
         const uint lane = ctz_of(mask);
         const uint prim = ((global const uint *)&block->prim)[lane];
-        const float t = triangle_t(block, lane, q, depths[lane], best->t);
+        const float t = q->exact ? triangle_t(block, lane, q, depths[lane], best->t)
+                                 : t_of_depth(q, depths[lane]);
         found |= take_triangle(g, q, prim, t, index * 8u + lane, best);
     }
     return found;
@@ -132,10 +174,16 @@ static int visit_triangles(const Geometry g, const Query *q, const uint child, C
 static float2 uv_at(const Geometry g, const Query *q, const uint place)
 {
     global const char *lane = (global const char *)(g.blocks + (place >> 3)) + 4u * (place & 7u);
+#if HAS_LEAKY
+    const uint4 rows = (uint4)(0u, 1u, 2u, 0u) * ROW;
+    return leaky_weights(q->ray, lane_corner(lane, rows), lane_corner(lane + 3u * ROW, rows),
+                         lane_corner(lane + 6u * ROW, rows));
+#else
     float2 uv;
     triangle_depth(q->shear, lane_corner(lane, q->shear.rows), lane_corner(lane + 3u * ROW, q->shear.rows),
                    lane_corner(lane + 6u * ROW, q->shear.rows), &uv);
     return uv;
+#endif
 }
 #endif
 

@@ -16,7 +16,7 @@
 // The packet's bounds need slack for how a ray's own test rounds: -o/d by one rounding of o, and t by three.
 #define ORIGIN_SLACK 4.7683716e-7f      // 8 roundings
 #define PACKET_NEAR_SCALE 0.9999995f    // 1 - 8 roundings
-#define PACKET_FAR_SCALE 1.0000015f     // 1 + 24 roundings: FAR_PAD comes to 16 at most
+#define PACKET_FAR_SCALE 1.000005f      // 1 + 84 roundings: FAR_PAD comes to 64 at most
 
 typedef struct {
     float4 inverse_low;  // bounds of 1/d over the rays

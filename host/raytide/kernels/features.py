@@ -54,6 +54,7 @@ class Features:
     compact: bool = False  # trees in the compact layout, else the wide one
     relief: bool = False  # normal or bump maps
     counters: bool = False  # instrumented build
+    leaky: bool = False  # only in the benchmark of rays: a triangle test that leaks, to compare with
 
     @property
     def material_kinds(self) -> tuple[str, ...]:

@@ -44,7 +44,6 @@ WAVES = (
 )
 # The same waves by packets of 64 rays, for queues in tile order; beside the others, which trace all other queues.
 PACKET_WAVES = (Wave("extend_packet"), Wave("shadow_packet", lambda features: bool(features.lights)))
-PACKET_LOCAL_SIZE = 4  # packets in a work-group
 AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
 

@@ -22,11 +22,12 @@ from raytide.kernels.constants import (
     PARTITION_CHUNK,
     RAY_KINDS,
     TILE,
+    trace_launch,
 )
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
-from raytide.render.schedule import PACKET_LOCAL_SIZE, WavePlan
+from raytide.render.schedule import WavePlan
 from raytide.render.textures import PackedTextures
 
 # Launches whose queues follow the tiles of the picture: compaction keeps the order in which camera rays were made.
@@ -192,11 +193,11 @@ class Waves:
         self._trace("extend", label, count, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits)
 
     def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
-        """Traces `count` rays, 64 an item where their queue is in tile order and packets were built."""
+        """Traces `count` rays, by packets where their queue is in tile order and packets were built."""
         packet = label in TILE_ORDERED and f"{wave}_packet" in self.programs
         self.traced_by[label] = "packet" if packet else self.scene.one_by_one
         name = f"{wave}_packet" if packet else wave
-        items, local = (-(-count // TILE), PACKET_LOCAL_SIZE) if packet else (count, 64)
+        items, local = trace_launch(count, alone=not packet and self.device.kind == "gpu")
         kind = "shadow" if wave == "shadow" else "camera" if label == "primary" else "indirect"
         geometry = self.scene.geometry(kind)
         self.device.launch(self.programs[name], name, items, local, *geometry, *arguments, label=label)

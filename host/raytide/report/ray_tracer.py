@@ -10,14 +10,16 @@ import numpy as np
 from raytide.accel import FlatGeometry, Tree, build_tree, compact_tree, tree_sources
 from raytide.device import Buffer, Device
 from raytide.errors import UsageError
-from raytide.kernels.constants import TILE
+from raytide.kernels.constants import trace_launch
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
 from raytide.report.ray_scenes import RayScene
 from raytide.report.ray_sets import RaySet
 
-TRAVERSALS = ("single", "packet", "compact")  # how rays can be traced, the default first
+# How rays can be traced, the default first. "plain" is single rays with a triangle test that leaks, which no render
+# has: what watertightness costs.
+TRAVERSALS = ("single", "packet", "compact", "plain")
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class RayTracer:
         if traversal not in TRAVERSALS:
             raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
         self.device, self.geometry, self.traversal = device, geometry, traversal
-        features = Features(tree=builder != "none", compact=traversal == "compact")
+        features = Features(tree=builder != "none", compact=traversal == "compact", leaky=traversal == "plain")
         if traversal != "single" and not features.tree:
             raise UsageError(f"traversal: came {traversal!r} without a tree; wanted single")
         self._suffix = "_packet" if traversal == "packet" else ""
@@ -101,7 +103,7 @@ class RayTracer:
         else:
             arguments, name = (self._queue, np.uint32(0), count, rays, results), "extend"
         name += self._suffix
-        items, local = (-(-int(count) // TILE), 4) if self._suffix else (int(count), 64)
+        items, local = trace_launch(int(count), alone=not self._suffix and self.device.kind == "gpu")
         self.device.launch(self.programs[name], name, items, local, *self._scene, *arguments, label="trace")
 
     def hits(self) -> np.ndarray:
