@@ -15,7 +15,7 @@
 // Inner nodes from root to leaf at most; builders keep to it. Each visit leaves at most 7 children for later, so the
 // stack can never overflow.
 #define MAX_DEPTH 40
-#define STACK_SIZE (7 * MAX_DEPTH + 1)
+#define STACK_SIZE (7 * MAX_DEPTH + 2)
 
 #define UNIT_ROUNDOFF 5.9604645e-8f  // 2^-24
 

@@ -18,6 +18,17 @@ static ulong packet_entry(const float enter, const uint node, const uint lane)
     return ((ulong)bits_of(enter) << 32) | (node << 3) | lane;
 }
 
+// Puts an entry on the stack; unless `any`, below all nearer ones from `base` on.
+static void push_packet_entry(const ulong entry, const int any, const uint base, ulong *stack, uint *count)
+{
+    uint place = (*count)++;
+    while (!any && place > base && stack[place - 1u] < entry) {
+        stack[place] = stack[place - 1u];
+        place--;
+    }
+    stack[place] = entry;
+}
+
 // The nearest child that the beam meets (any of them where `any`), or else the top of the stack; the others go on the
 // stack.
 static ulong visit_packet_node(const Geometry g, const Packet *p, const uint index, const float limit, const int any,
@@ -36,7 +47,7 @@ static ulong visit_packet_node(const Geometry g, const Packet *p, const uint ind
     for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {
         lane = ctz_of(mask);
         const ulong entry = packet_entry(enters[lane], index, lane);
-        push_entry(entry < nearest ? nearest : entry, any, base, stack, count);
+        push_packet_entry(entry < nearest ? nearest : entry, any, base, stack, count);
         nearest = entry < nearest ? entry : nearest;
     }
     return nearest;

@@ -8,9 +8,9 @@
 
 #define SMALLEST_STEP 0.125f  // of every direction along the main axis, their longest components being in [1, 2)
 #define WIDEST_BEAM 1.0f      // of the slopes' bounds; wider bundles share too little
-// Of the largest coordinate and of the slopes: 64 roundings, for those of a beam and those that a ray's own test lets
+// Of the largest coordinate and of the slopes: 128 roundings, for those of a beam and those that a ray's own test lets
 // pass (box.cl).
-#define BEAM_SLACK 3.8146973e-6f
+#define BEAM_SLACK 7.6293945e-6f
 #define BEAM_ROUNDING 4.7683716e-7f  // 8 roundings
 
 // The lowest and highest slope along axis `side` over the main one, of all rays.
@@ -130,12 +130,12 @@ typedef struct {
 ALWAYS_INLINE static int8 box_met_by8(const Packet *p, const uint group, const PacketBox box, const int mixed,
                                       float8 *enter)
 {
-    float8 near_x = fma8((float8)(box.near_x), p->inverse[0][group], p->base[0][group]);
-    float8 near_y = fma8((float8)(box.near_y), p->inverse[1][group], p->base[1][group]);
-    float8 near_z = fma8((float8)(box.near_z), p->inverse[2][group], p->base[2][group]);
-    float8 far_x = fma8((float8)(box.far_x), p->inverse[0][group], p->base[0][group]);
-    float8 far_y = fma8((float8)(box.far_y), p->inverse[1][group], p->base[1][group]);
-    float8 far_z = fma8((float8)(box.far_z), p->inverse[2][group], p->base[2][group]);
+    float8 near_x = fma8((float8)(box.near_x), p->inverse[0][group], p->shift[0][group]);
+    float8 near_y = fma8((float8)(box.near_y), p->inverse[1][group], p->shift[1][group]);
+    float8 near_z = fma8((float8)(box.near_z), p->inverse[2][group], p->shift[2][group]);
+    float8 far_x = fma8((float8)(box.far_x), p->inverse[0][group], p->shift[0][group]);
+    float8 far_y = fma8((float8)(box.far_y), p->inverse[1][group], p->shift[1][group]);
+    float8 far_z = fma8((float8)(box.far_z), p->inverse[2][group], p->shift[2][group]);
     if (mixed) {
         const float8 x = near_x;
         const float8 y = near_y;
@@ -148,9 +148,9 @@ ALWAYS_INLINE static int8 box_met_by8(const Packet *p, const uint group, const P
         far_z = max8(z, far_z);
     }
     const float8 first = max8(max8(near_x, near_y), max8(near_z, (float8)(0.0f)));
-    const float8 last = min8(min8(far_x, far_y), min8(far_z, p->t[group])) * FAR_SCALE;
+    const float8 last = min8(min8(far_x, far_y), min8(far_z, p->t[group]));
     *enter = first;
-    return first <= last;
+    return in_order8(first, last);
 }
 
 // Lists the groups, of `count` in `groups`, of which any ray meets the box: at `met`, its value plus `mark`. Without

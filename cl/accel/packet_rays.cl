@@ -32,7 +32,7 @@ typedef struct {
 
 typedef struct {
     float8 inverse[3][PACKET_GROUPS];  // 1/d
-    float8 base[3][PACKET_GROUPS];     // -o/d
+    float8 shift[3][PACKET_GROUPS];    // -o/d
     float8 d[3][PACKET_GROUPS];
     float8 t[PACKET_GROUPS];       // of the best hit so far, or t_max, or DONE
     float8 t_unit[PACKET_GROUPS];  // times a scaled t gives the ray's own t
@@ -160,7 +160,7 @@ ALWAYS_INLINE static void set_group(Packet *p, const uint group, float8 *rows, B
     for (uint k = 0u; k < 3u; k++) {
         p->d[k][group] = d[k];
         p->inverse[k][group] = inverse[k];
-        p->base[k][group] = -o[k] * inverse[k];
+        p->shift[k][group] = -o[k] * inverse[k] + 0.0f;
     }
     all->extent = max8(all->extent, extent);
     const float8 t = min8(as_float8(t_max) * as_float8(longest & 0x7f800000), (float8)(LARGEST));

@@ -34,73 +34,135 @@ static int visit_leaf(const Geometry g, const Query *q, const uint child, Closes
 // Stack entries are entry distance << 32 | child; distances are not negative, so they order as their bits do.
 static ulong stack_entry(const float enter, const uint child) { return ((ulong)bits_of(enter) << 32) | child; }
 
-// Puts an entry on the stack; unless `any`, below all nearer ones from `base` on.
-static void push_entry(const ulong entry, const int any, const uint base, ulong *stack, uint *count)
+static ulong child_entry(private const float *enters, global const Node *node, const uint lane)
 {
-    uint place = (*count)++;
-    while (!any && place > base && stack[place - 1u] < entry) {
-        stack[place] = stack[place - 1u];
-        place--;
-    }
-    stack[place] = entry;
+    return stack_entry(enters[lane], ((global const uint *)&node->child)[lane]);
 }
 
-// The nearest child that the ray meets (any of them where `any`), or else the top of the stack; the others go on the
-// stack, nearer ones above farther ones.
-static ulong visit_node(const Geometry g, const Query *q, const uint index, const float limit, const int any,
-                        ulong *stack, uint *count)
+static ulong nearer(const ulong a, const ulong b) { return a < b ? a : b; }
+static ulong farther(const ulong a, const ulong b) { return a < b ? b : a; }
+
+// Puts an entry on the stack, below all nearer ones from `base` on.
+static void push_entry(ulong entry, private ulong *base, private ulong **top)
+{
+    private ulong *place = (*top)++;
+    for (; place > base && place[-1] < entry; place--) {
+        *place = place[-1];
+    }
+    *place = entry;
+}
+
+// The nearest of the children in `mask`, which the ray enters at `enter`; the others go on the stack, nearer ones above
+// farther ones. Up to three are sorted without a branch.
+ALWAYS_INLINE static uint nearest_child(global const Node *node, uint mask, const float8 enter, private ulong **top)
 {
     float enters[8] __attribute__((aligned(32)));
-    float8 enter;
-    global const Node *node = g.nodes + index;
-    global const uint *children = (global const uint *)&node->child;
-#if HAS_COUNTERS
-    count_visit(g.visits, index, 0);
-#endif
-    uint mask = boxes_met8(node, q->slab, limit, &enter);
+    const uint lane = ctz_of(mask);
+    mask &= mask - 1u;
     if (mask == 0u) {
-        return stack[--*count];
-    }
-    uint lane = ctz_of(mask);
-    if ((mask & (mask - 1u)) == 0u) {
-        return children[lane];  // as if entered at 0: the mask has seen to the limit
+        return ((global const uint *)&node->child)[lane];
     }
     *(private float8 *)enters = enter;
-    ulong nearest = stack_entry(enters[lane], children[lane]);
-    const uint base = *count;
-    for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {
-        lane = ctz_of(mask);
-        const ulong entry = stack_entry(enters[lane], children[lane]);
-        const ulong farther = entry < nearest ? nearest : entry;
-        nearest = entry < nearest ? entry : nearest;
-        push_entry(farther, any, base, stack, count);
+    const ulong a = child_entry(enters, node, lane);
+    const ulong b = child_entry(enters, node, ctz_of(mask));
+    mask &= mask - 1u;
+    private ulong *base = *top;
+    *top = base + 1;
+    base[0] = farther(a, b);
+    if (mask == 0u) {
+        return (uint)nearer(a, b);
     }
-    return nearest;
+    const ulong c = child_entry(enters, node, ctz_of(mask));
+    const ulong middle = farther(nearer(a, b), c);
+    ulong nearest = nearer(nearer(a, b), c);
+    base[1] = nearer(middle, farther(a, b));
+    base[0] = farther(middle, farther(a, b));
+    *top = base + 2;
+    for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {
+        const ulong entry = child_entry(enters, node, ctz_of(mask));
+        push_entry(farther(entry, nearest), base, top);
+        nearest = nearer(entry, nearest);
+    }
+    return (uint)nearest;
 }
 
-static void trace_tree(const Geometry g, const Query *q, const int any, Closest *best)
+// One of the children in `mask`; the others go on the stack, as if entered at 0.
+ALWAYS_INLINE static uint any_child(global const Node *node, uint mask, private ulong **top)
+{
+    global const uint *children = (global const uint *)&node->child;
+    uint child = children[ctz_of(mask)];
+    for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {
+        *(*top)++ = child;
+        child = children[ctz_of(mask)];
+    }
+    return child;
+}
+
+// What boxes_met8 needs of a ray, read anew: between leaves it lives in registers, while a leaf is visited it must not.
+static SlabRay slab_from_memory(private const SlabRay *slab)
+{
+    private const volatile float *inverse = (private const volatile float *)&slab->inverse;
+    private const volatile float *shift = (private const volatile float *)&slab->shift;
+    private const volatile uint *rows = (private const volatile uint *)&slab->rows;
+    SlabRay s = *slab;
+    s.inverse = (float4)(inverse[0], inverse[1], inverse[2], 0.0f);
+    s.shift = (float4)(shift[0], shift[1], shift[2], 0.0f);
+    s.rows = (uint4)(rows[0], rows[1], rows[2], 0u);
+    return s;
+}
+
+// Walks inner nodes, as far as `limit`, from the entry below `top` to the next leaf; STACK_END where there is none.
+ALWAYS_INLINE static uint next_leaf(const Geometry g, private const SlabRay *slab, const float limit, const int any,
+                                    private ulong **top)
+{
+    const SlabRay s = slab_from_memory(slab);
+    const uint last = bits_of(limit) + FAR_PAD;
+    for (;;) {
+        ulong entry = *--*top;
+        while ((uint)(entry >> 32) > last) {  // farther than what was met since; the lowest entry is at 0
+            entry = *--*top;
+        }
+        uint child = (uint)entry;
+        while (!(child & CHILD_LEAF)) {
+            float8 enter;
+            global const Node *node = g.nodes + child;
+#if HAS_COUNTERS
+            count_visit(g.visits, child, 0);
+#endif
+            const uint mask = boxes_met8(node, s, limit, &enter);
+            if (mask == 0u) {
+                break;
+            }
+            child = any ? any_child(node, mask, top) : nearest_child(node, mask, enter, top);
+        }
+        if (child & CHILD_LEAF) {
+            return child;
+        }
+    }
+}
+
+// The tree below node `root`; the stack is free from `top` on. Whether anything beat `best`, which it is then.
+static int trace_tree(const Geometry g, const Query *q, const uint root, const int any, private ulong *top,
+                      Closest *best)
+{
+    int found = 0;
+    uint leaf;
+    *top++ = stack_entry(0.0f, STACK_END);
+    *top++ = stack_entry(0.0f, root);
+    while ((leaf = next_leaf(g, &q->slab, best->t, any, &top)) != STACK_END) {
+        found |= visit_leaf(g, q, leaf, best);
+        if (found && any) {
+            break;
+        }
+    }
+    return found;
+}
+
+static void trace_all(const Geometry g, const Query *q, const int any, Closest *best)
 {
     ulong stack[STACK_SIZE];
-    if (!has_nodes(g)) {
-        return;
-    }
-    stack[0] = stack_entry(0.0f, STACK_END);
-    uint count = 1u;
-    ulong entry = stack_entry(0.0f, 0u);
-    while ((uint)entry != STACK_END) {
-        const uint child = (uint)entry;
-        if (child & CHILD_LEAF) {
-            if (visit_leaf(g, q, child, best) && any) {
-                return;
-            }
-            entry = stack[--count];
-        } else {
-            entry = visit_node(g, q, child, best->t, any, stack, &count);
-        }
-        const uint limit = bits_of(best->t * FAR_SCALE);
-        while ((uint)(entry >> 32) > limit) {  // farther than what was met since; the last entry is at 0
-            entry = stack[--count];
-        }
+    if (has_nodes(g)) {
+        trace_tree(g, q, 0u, any, stack, best);
     }
 }
 #else
@@ -137,11 +199,7 @@ static Closest trace(const Geometry g, const Query *q, const int any)
         }
     }
 #endif
-#if HAS_TREE
-    trace_tree(g, q, any, &best);
-#else
     trace_all(g, q, any, &best);
-#endif
     return best;
 }
 
