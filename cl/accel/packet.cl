@@ -128,10 +128,27 @@ static void trace_alone(const Geometry g, Packet *p, const uint i, const int any
     const Closest best = trace(g, &q, any);
     if (best.prim != NONE) {
         const Hit hit = hit_of(g, &q, best);
-        set_lane8(p->t, i, best.t);
+        set_lane8(p->t, i, hit.t);
+        set_lane8(p->t_unit, i, 1.0f);
         set_lane8(p->u, i, hit.u);
         set_lane8(p->v, i, hit.v);
         set_lane_int8(p->prim, i, best.prim);
+    }
+}
+
+// All rays one by one.
+static void trace_unlike(const Geometry g, Packet *p, const uint count, const int any)
+{
+    for (uint group = 0u; group < PACKET_GROUPS; group++) {
+        p->prim[group] = (int8)((int)NONE);
+    }
+    for (uint i = 0u; i < PACKET_RAYS; i++) {
+        const uint ray = swapped(i);
+        if (ray < count) {
+            global const Ray *given = p->rays + p->slots[ray];
+            set_lane8(p->t_given, i, given->direction.w);
+            trace_alone(g, p, i, any);
+        }
     }
 }
 
@@ -144,8 +161,12 @@ static void trace_packet(const Geometry g, Packet *p, global const uint *slots, 
     p->extent = geometry_extent(g);
     p->rays = rays;
     p->slots = slots;
+    if (any && !look_alike(p, count)) {
+        trace_unlike(g, p, count, any);
+        return;
+    }
     begin_packet(p, count, &all);
-    if (count_rays(p->together) < FEWEST_TOGETHER || !set_beam(p, &all)) {
+    if (count_rays(p->together) < FEWEST_TOGETHER || !set_beam(p, &all, any ? WIDEST_BEAM_ANY : WIDEST_BEAM)) {
         p->together = 0ul;
     }
     for (ulong alone = p->usable & ~p->together; alone != 0ul; alone &= alone - 1ul) {

@@ -7,7 +7,9 @@
 // What the tree is asked for 64 rays at once: eight boxes against bounds of them all, and one box against eight rays.
 
 #define SMALLEST_STEP 0.125f  // of every direction along the main axis, their longest components being in [1, 2)
-#define WIDEST_BEAM 1.0f      // of the slopes' bounds; wider bundles share too little
+// Of the slopes' bounds: wider bundles share too little. Single rays that ask for any hit are done sooner.
+#define WIDEST_BEAM 0.5f
+#define WIDEST_BEAM_ANY 0.0625f
 // Of the largest coordinate and of the slopes: 128 roundings, for those of a beam and those that a ray's own test lets
 // pass (box.cl).
 #define BEAM_SLACK 7.6293945e-6f
@@ -28,18 +30,51 @@ static void find_slopes(const Packet *p, const uint side, const uint main, const
     *high = sign > 0.0f ? largest8(highest) : -smallest8(lowest);
 }
 
-// 0 if the rays do not agree well enough to be traced together.
-static int set_beam(Packet *p, const Bounds8 *all)
+// The axis along which all of some directions advance in one sense, and most; 3 if there is none. `low` and `high` are
+// their bounds; their largest components are in [1, 2).
+static uint main_axis(const float8 *low, const float8 *high)
 {
-    Beam *b = &p->beam;
-    uint main = 0u;
-    float least = 0.0f;
+    uint main = 3u;
+    float least = SMALLEST_STEP;
     for (uint axis = 0u; axis < 3u; axis++) {
-        const float step = max_of(smallest8(all->d_low[axis]), -largest8(all->d_high[axis]));
-        main = step > least ? axis : main;
+        const float step = max_of(smallest8(low[axis]), -largest8(high[axis]));
+        main = step >= least ? axis : main;
         least = max_of(step, least);
     }
-    if (!(least >= SMALLEST_STEP)) {
+    return main;
+}
+
+// Whether eight rays that ask for any hit agree: most bundles that are no packets end here, before any work for all their rays.
+static int look_alike(const Packet *p, const uint count)
+{
+    float8 rows[8];
+    for (uint lane = 0u; lane < 8u; lane++) {
+        rows[lane] = *(global const float8 *)(p->rays + p->slots[9u * lane < count ? 9u * lane : 0u]);
+    }
+    transpose8(rows);
+    const float8 longest = max8(max8(abs8(rows[4]), abs8(rows[5])), abs8(rows[6]));
+    for (uint k = 4u; k < 7u; k++) {
+        rows[k] = rows[k] / longest;
+    }
+    const uint main = main_axis(rows + 4, rows + 4);
+    if (main == 3u) {
+        return 0;
+    }
+    for (uint k = 1u; k < 3u; k++) {
+        const float8 slope = rows[4u + (main + k) % 3u] / rows[4u + main];
+        if (!(largest8(slope) - smallest8(slope) <= WIDEST_BEAM_ANY)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+// 0 if the rays do not agree well enough to be traced together.
+static int set_beam(Packet *p, const Bounds8 *all, const float widest)
+{
+    Beam *b = &p->beam;
+    const uint main = main_axis(all->d_low, all->d_high);
+    if (main == 3u) {
         return 0;
     }
     const float d_low = smallest8(all->d_low[main]);
@@ -50,7 +85,7 @@ static int set_beam(Packet *p, const Bounds8 *all)
         const uint side = (main + 1u + k) % 3u;
         float low, high;
         find_slopes(p, side, main, sign, &low, &high);
-        if (!(high - low <= WIDEST_BEAM)) {
+        if (!(high - low <= widest)) {
             return 0;
         }
         b->side[k] = 2u * ROW * side;

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from raytide.device import Device
 from raytide.kernels import Features, assemble
 from raytide.kernels.features import kinds
-from raytide.render.schedule import AOV, PACKET_WAVES, WAVES
+from raytide.render.schedule import AOV, VARIANTS, WAVES
 from raytide.scene.materials import MATERIALS
 
 NONE_ON = Features(triangles=False, tree=False, sobol=False)
@@ -30,7 +30,8 @@ def each_alone() -> dict[str, Features]:
 def test_all_none_and_each_switch_alone_build_without_a_warning(device: Device) -> None:
     sources = {}
     for name, features in {"none": NONE_ON, "all": ALL_ON, **each_alone()}.items():
-        for wave in (*WAVES, *(PACKET_WAVES if features.tree else ()), AOV):
+        tracing = [wave for variant in VARIANTS if variant.fits(device.kind, features) for wave in variant.waves]
+        for wave in {one.name: one for one in (*WAVES, *tracing, AOV)}.values():
             source = assemble(wave.entry, features)
             sources.setdefault(source.sha256, (f"{wave.name}, {name}", source))
     numbered = enumerate(sources.values())

@@ -37,21 +37,57 @@ WAVES = (
     Wave("shadow", lambda features: bool(features.lights)),
     Wave("film"),
 )
-# The same waves by packets of 64 rays, for queues in tile order; beside the others, which trace all other queues.
-PACKET_WAVES = (Wave("extend_packet"), Wave("shadow_packet", lambda features: bool(features.lights)))
-PACKET_LOCAL_SIZE = 4  # packets in a work-group
 AOV = Wave("aov")  # built when a film is asked for its layers
 
 
-TRAVERSALS = ("auto", "single", "packet")
+@dataclass(frozen=True)
+class Variant:
+    """One way to trace a queue: programs `extend` and `shadow` with `suffix`, `rays` an item, `local` items a group.
+
+    All variants give the same bits. `fits` tells by device class and features where it can run. Where nothing was
+    measured yet it traces `usual` kinds of waves, the last such variant of the table first.
+    """
+
+    name: str
+    suffix: str
+    rays: int
+    local: int
+    fits: Callable[[str, Features], bool]
+    usual: tuple[str, ...]
+
+    @property
+    def waves(self) -> tuple[Wave, ...]:
+        return Wave(f"extend{self.suffix}"), Wave(f"shadow{self.suffix}", lambda features: bool(features.lights))
 
 
-def uses_packets(traversal: str, kind: str, features: Features) -> bool:
-    """Whether rays in tile order are traced by packets: where asked for, and by default on CPUs, where they measured
-    faster. A scene without a tree has nothing to share. UsageError for an unknown `traversal`."""
+# Kinds of waves: which rays they trace. Launches of the first three follow the tiles of the picture, because compaction
+# keeps the order in which camera rays were made.
+KINDS = ("primary", "reflection[1]", "shadow[1]", "reflection", "shadow")
+VARIANTS = (
+    Variant("single", "", 1, 64, lambda kind, features: True, KINDS),
+    Variant("packet", "_packet", TILE, 4, lambda kind, features: features.tree, ("primary", "shadow[1]")),
+)
+TRAVERSALS = ("auto", *(variant.name for variant in VARIANTS))
+
+
+def kind_of(label: str) -> str:
+    """The kind of a launch by its label, such as "shadow" of "shadow[3]"."""
+    return label if label in KINDS else label.partition("[")[0]
+
+
+def variants_for(traversal: str, kind: str, features: Features) -> tuple[Variant, ...]:
+    """The variants that a render may use: all that fit on processors, single rays on GPUs; a named one, and single
+    rays for the waves that it is not for. UsageError for an unknown `traversal`."""
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
-    return features.tree and (traversal == "packet" or (traversal == "auto" and kind != "gpu"))
+    first, *others = VARIANTS
+    wanted = [v for v in others if v.name == traversal or (traversal == "auto" and kind != "gpu")]
+    return (first, *(v for v in wanted if v.fits(kind, features)))
+
+
+def usual_variant(variants: tuple[Variant, ...], kind: str) -> Variant:
+    """Which of them traces a kind of wave where nothing was measured."""
+    return next(v for v in reversed(variants) if kind in v.usual)
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,9 @@ from raytide.device import Buffer, Device, Program
 from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
-from raytide.render.schedule import PACKET_LOCAL_SIZE, WavePlan
+from raytide.render.schedule import Variant, WavePlan, kind_of
+from raytide.render.trial import Trial
 
-# Launches whose queues follow the tiles of the picture: compaction keeps the order in which camera rays were made.
-TILE_ORDERED = ("primary", "shadow[1]")
 Observer = Callable[[str, Buffer, int, int, Buffer, Buffer], None]  # label, queue, first, count, rays, paths
 
 
@@ -81,14 +80,15 @@ class Waves:
         scene: SceneBuffers,
         settings: Buffer,
         plan: WavePlan,
+        trial: Trial,
         pixels_of: Callable[[int, int], int],
     ) -> None:
         """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles."""
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
-        self.pixels_of = pixels_of
+        self.pixels_of, self.trial = pixels_of, trial
         self.rays = RayCounts()
         self.observe: Observer | None = None
-        self.traced_by: dict[str, str] = {}  # launch label -> "single" or "packet"
+        self.traced_by: dict[str, str] = {}  # launch label -> variant that traced the last one
         slots = plan.capacity
         ray = RECORDS["Ray"].size
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
@@ -148,12 +148,16 @@ class Waves:
         self._trace("extend", label, count, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits)
 
     def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
-        """Traces `count` rays, 64 an item where their queue is in tile order and packets were built."""
-        packet = label in TILE_ORDERED and f"{wave}_packet" in self.programs
-        self.traced_by[label] = "packet" if packet else "single"
-        name = f"{wave}_packet" if packet else wave
-        items, local = (-(-count // TILE), PACKET_LOCAL_SIZE) if packet else (count, 64)
-        self.device.launch(self.programs[name], name, items, local, *self.scene.geometry, *arguments, label=label)
+        """Traces `count` rays by the variant of the traversal that is fastest for them."""
+
+        def launch(variant: Variant) -> None:
+            name = wave + variant.suffix
+            self.device.launch(
+                self.programs[name], name, -(-count // variant.rays), variant.local, *self.scene.geometry, *arguments,
+                label=label,
+            )  # fmt: skip
+
+        self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 
     def _shade(self, count: int) -> tuple[int, np.ndarray]:
         """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""
