@@ -224,7 +224,7 @@ class Tracer:
         }  # fmt: skip
 
     def words(self, kernel: str, rays: np.ndarray) -> np.ndarray:
-        """One uint32 a ray from kernel `boxes` or `depths`."""
+        """One uint32 a ray from kernel `boxes`, `depths` or `redone`."""
         device, count = self.device, len(rays)
         out = device.upload(np.zeros(count, np.uint32))  # type: ignore[attr-defined]
         self._launch(kernel, count, device.upload(rays), out)  # type: ignore[attr-defined]

@@ -69,6 +69,23 @@ kernel void depths(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays,
     }
 }
 
+#if PLAIN_FIRST
+// Rays whose winner by plain t does not stand.
+kernel void redone(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint *again)
+{
+    const uint i = (uint)get_global_id(0);
+    Query q;
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    if (i >= count || !prepare_query(geometry_extent(g), rays[i], &q)) {
+        return;
+    }
+    q.exact = 0;
+    Closest best = trace_planes(g, &q, 0);
+    trace_all(g, &q, 0, &best);
+    again[i] = stands(g, &q, &best) ? 0u : 1u;
+}
+#endif
+
 kernel void picked(GEOMETRY_ARGUMENTS, const uint count, const uint shape, global const float4 *from,
                    global const float4 *numbers, global float4 *out)
 {
@@ -109,5 +126,14 @@ kernel void closest_packet(GEOMETRY_ARGUMENTS, const uint count, global const ui
             hits[begin + i] = packet_hit(&p, i);
         }
     }
+}
+"""
+
+ORDER_KERNEL = """
+#include "accel/box.cl"
+kernel void in_order(global const float8 *near, global const float8 *far, global int8 *out)
+{
+    const uint i = (uint)get_global_id(0);
+    out[i] = in_order8(near[i], far[i]);
 }
 """

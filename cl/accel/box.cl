@@ -4,15 +4,15 @@
 #include "accel/ray.cl"
 #include "accel/rows.cl"
 // Slab tests that never lose a hit. The form box * (1/d) + (-o/d) errs by one rounding of o and two of t: the stored
-// boxes are rounded outward by an ulp, which covers the first; the far end is moved 8 floats farther, at least 8
-// roundings, of which the second cost 6 (Ize 2013) and NEAR_SCALE 2. Moved as integers: for numbers that are not
-// negative these order as the floats do, and a negative far end stays negative, so that nothing behind the ray and
-// nothing before a negative limit is ever met.
+// boxes are rounded outward by an ulp, which covers the first. Far ends are moved 32 floats farther, at least 32
+// roundings: the second cost 6 (Ize 2013), NEAR_SCALE 26. Moved as integers: for numbers that are not negative these
+// order as the floats do, and a negative far end stays negative, so that nothing behind the ray and nothing before a
+// negative limit is ever met.
 // Along an axis on which the ray stands still, the origin is inside the slab or not; the slab then bounds nothing.
 
-#define FAR_PAD 8u
-#define FAR_SCALE 1.0000005f    // 1 + 8 roundings: what FAR_PAD comes to at least
-#define NEAR_SCALE 0.99999976f  // 1 - 4 roundings: no exact hit lies before its box's near end times this
+#define FAR_PAD 32u
+#define FAR_SCALE 1.0000019f    // 1 + 32 roundings: what FAR_PAD comes to at least
+#define NEAR_SCALE 0.9999986f   // 1 - 24 roundings, room for how a triangle's t errs: before it no t counts
 
 typedef struct {
     float4 inverse;  // 1/d; 0 in w

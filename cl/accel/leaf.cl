@@ -8,6 +8,11 @@
 // Leaves: triangle blocks and analytic shapes. Whatever the order of visits, the winner is the smallest t, then the
 // lowest id. A candidate counts only if its own box is met, by the arithmetic of the tree's boxes, and no earlier than
 // that box: so no box around it can have been culled, and brute force and every tree agree to the last bit.
+//
+// Closest hits spare themselves that test (the query's `exact` is 0): the winner W by plain t is tested once, in stands(). If its
+// box is met and no later than its t, it has won the exact way too: whatever candidate X would beat it has a plain t
+// no larger than its exact one, hence than W's; all boxes around X are met no later than that, so X was visited, and
+// would have won by plain t. Else the ray is traced once more, exactly.
 
 typedef struct {
     float t;     // scaled; t_max until something is met
@@ -21,6 +26,7 @@ typedef struct {
 #if HAS_TRIANGLES
     Shear shear;
 #endif
+    int exact;  // whether each candidate's own box is tested
 } Query;
 
 static int better(const Closest *best, const float t, const uint prim)
@@ -54,6 +60,22 @@ ALWAYS_INLINE static float triangle_t(global const Block *block, const uint lane
     return met ? max_of(depth / q->shear.length_z, enter * NEAR_SCALE) : NO_HIT;
 }
 
+// Whether `best`, found by plain t, is what exact candidates give as well.
+static int stands(const Geometry g, const Query *q, const Closest *best)
+{
+    if (best->prim >= g.triangle_count) {
+        return 1;
+    }
+    global const Block *block = g.blocks + (best->place >> 3);
+    const uint lane = best->place & 7u;
+    const float4 a = lane_vertex(block, 0u, lane);
+    const float4 b = lane_vertex(block, 1u, lane);
+    const float4 c = lane_vertex(block, 2u, lane);
+    float enter;
+    return box_met(q->slab, min4(a, min4(b, c)), max4(a, max4(b, c)), best->t, &enter) &&
+           best->t >= enter * NEAR_SCALE;
+}
+
 // 1 if the ray met a triangle of the block that beats `best`, which it then becomes.
 static int visit_block(const Geometry g, const Query *q, const uint index, Closest *best)
 {
@@ -70,7 +92,8 @@ static int visit_block(const Geometry g, const Query *q, const uint index, Close
     for (; mask != 0u; mask &= mask - 1u) {
         const uint lane = ctz_of(mask);
         const uint prim = ((global const uint *)&block->prim)[lane];
-        const float t = triangle_t(block, lane, q, depths[lane], best->t);
+        const float t = q->exact ? triangle_t(block, lane, q, depths[lane], best->t)
+                                 : depths[lane] / q->shear.length_z + 0.0f;  // never -0
         if (t >= 0.0f && prim != q->ray.skip && better(best, t, prim)) {
             best->t = t;
             best->prim = prim;

@@ -126,7 +126,9 @@ static void trace_alone(const Geometry g, Packet *p, const uint i, const int any
         return;
     }
     const Closest best = trace(g, &q, any);
-    if (best.prim != NONE) {
+    if (any) {
+        set_lane_int8(p->prim, i, best.prim);
+    } else if (best.prim != NONE) {
         const Hit hit = hit_of(g, &q, best);
         set_lane8(p->t, i, hit.t);
         set_lane8(p->t_unit, i, 1.0f);
@@ -136,8 +138,8 @@ static void trace_alone(const Geometry g, Packet *p, const uint i, const int any
     }
 }
 
-// All rays one by one.
-static void trace_unlike(const Geometry g, Packet *p, const uint count, const int any)
+// All rays one by one, which ask for any hit.
+static void trace_unlike(const Geometry g, Packet *p, const uint count)
 {
     for (uint group = 0u; group < PACKET_GROUPS; group++) {
         p->prim[group] = (int8)((int)NONE);
@@ -145,9 +147,7 @@ static void trace_unlike(const Geometry g, Packet *p, const uint count, const in
     for (uint i = 0u; i < PACKET_RAYS; i++) {
         const uint ray = swapped(i);
         if (ray < count) {
-            global const Ray *given = p->rays + p->slots[ray];
-            set_lane8(p->t_given, i, given->direction.w);
-            trace_alone(g, p, i, any);
+            trace_alone(g, p, i, 1);
         }
     }
 }
@@ -162,7 +162,7 @@ static void trace_packet(const Geometry g, Packet *p, global const uint *slots, 
     p->rays = rays;
     p->slots = slots;
     if (any && !look_alike(p, count)) {
-        trace_unlike(g, p, count, any);
+        trace_unlike(g, p, count);
         return;
     }
     begin_packet(p, count, &all);

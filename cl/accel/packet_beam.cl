@@ -10,9 +10,9 @@
 // Of the slopes' bounds: wider bundles share too little. Single rays that ask for any hit are done sooner.
 #define WIDEST_BEAM 0.5f
 #define WIDEST_BEAM_ANY 0.0625f
-// Of the largest coordinate and of the slopes: 128 roundings, for those of a beam and those that a ray's own test lets
-// pass (box.cl).
-#define BEAM_SLACK 7.6293945e-6f
+// Of the largest coordinate and of the slopes: 256 roundings, for those of a beam and those that a ray's own test lets
+// pass (box.cl: FAR_PAD comes to 64 at most, of twice the coordinate).
+#define BEAM_SLACK 1.5258789e-5f
 #define BEAM_ROUNDING 4.7683716e-7f  // 8 roundings
 
 // The lowest and highest slope along axis `side` over the main one, of all rays.

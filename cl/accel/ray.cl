@@ -47,11 +47,8 @@ static float geometry_extent(const Geometry g)
         return 0.0f;
     }
     global const float8 *rows = &g.nodes[0].lox;
-    for (uint axis = 0u; axis < 3u; axis++) {
-        const float8 low = rows[2u * axis];
-        const float8 high = rows[2u * axis + 1u];
-        const float8 reach = max8(-low, high);
-        largest = max8(largest, low <= high ? reach : (float8)(0.0f));  // empty lanes are inside out
+    for (uint axis = 0u; axis < 3u; axis++) {  // empty lanes are inside out: neither end of theirs is above 0
+        largest = max8(largest, max8(-rows[2u * axis], rows[2u * axis + 1u]));
     }
 #else
     for (uint row = 0u; row < 9u && g.block_count > 0u; row++) {

@@ -11,6 +11,9 @@
 
 #define STACK_END 0xffffffffu  // child word of the entry below all others; no leaf has it
 
+// Whether closest hits are traced by plain t first; brute force is what they are tested against.
+#define PLAIN_FIRST (HAS_TREE && HAS_TRIANGLES && !HAS_COMPACT)
+
 #if HAS_TREE
 static int visit_leaf(const Geometry g, const Query *q, const uint child, Closest *best)
 {
@@ -34,6 +37,16 @@ static int visit_leaf(const Geometry g, const Query *q, const uint child, Closes
 // Stack entries are entry distance << 32 | child; distances are not negative, so they order as their bits do.
 static ulong stack_entry(const float enter, const uint child) { return ((ulong)bits_of(enter) << 32) | child; }
 
+// Asks for the memory of a child that waits on the stack.
+static void prefetch_child(const Geometry g, const uint child)
+{
+    global const char *at = child & CHILD_LEAF ? (global const char *)(g.blocks + ((child & CHILD_BLOCK_MASK) >> 3))
+                                               : (global const char *)(g.nodes + child);
+    for (uint line = 0u; line < 4u; line++) {
+        PREFETCH(at + 64u * line);
+    }
+}
+
 static ulong child_entry(private const float *enters, global const Node *node, const uint lane)
 {
     return stack_entry(enters[lane], ((global const uint *)&node->child)[lane]);
@@ -54,7 +67,8 @@ static void push_entry(ulong entry, private ulong *base, private ulong **top)
 
 // The nearest of the children in `mask`, which the ray enters at `enter`; the others go on the stack, nearer ones above
 // farther ones. Up to three are sorted without a branch.
-ALWAYS_INLINE static uint nearest_child(global const Node *node, uint mask, const float8 enter, private ulong **top)
+ALWAYS_INLINE static uint nearest_child(const Geometry g, global const Node *node, uint mask, const float8 enter,
+                                        private ulong **top)
 {
     float enters[8] __attribute__((aligned(32)));
     const uint lane = ctz_of(mask);
@@ -69,6 +83,7 @@ ALWAYS_INLINE static uint nearest_child(global const Node *node, uint mask, cons
     private ulong *base = *top;
     *top = base + 1;
     base[0] = farther(a, b);
+    prefetch_child(g, (uint)base[0]);
     if (mask == 0u) {
         return (uint)nearer(a, b);
     }
@@ -87,12 +102,13 @@ ALWAYS_INLINE static uint nearest_child(global const Node *node, uint mask, cons
 }
 
 // One of the children in `mask`; the others go on the stack, as if entered at 0.
-ALWAYS_INLINE static uint any_child(global const Node *node, uint mask, private ulong **top)
+ALWAYS_INLINE static uint any_child(const Geometry g, global const Node *node, uint mask, private ulong **top)
 {
     global const uint *children = (global const uint *)&node->child;
     uint child = children[ctz_of(mask)];
     for (mask &= mask - 1u; mask != 0u; mask &= mask - 1u) {
         *(*top)++ = child;
+        prefetch_child(g, child);
         child = children[ctz_of(mask)];
     }
     return child;
@@ -133,7 +149,7 @@ ALWAYS_INLINE static uint next_leaf(const Geometry g, private const SlabRay *sla
             if (mask == 0u) {
                 break;
             }
-            child = any ? any_child(node, mask, top) : nearest_child(node, mask, enter, top);
+            child = any ? any_child(g, node, mask, top) : nearest_child(g, node, mask, enter, top);
         }
         if (child & CHILD_LEAF) {
             return child;
@@ -185,8 +201,8 @@ static void trace_all(const Geometry g, const Query *q, const int any, Closest *
 }
 #endif
 
-// What the ray meets first, or where `any` whatever it meets; prim stays NONE otherwise.
-static Closest trace(const Geometry g, const Query *q, const int any)
+// What the ray meets first of the planes, or where `any` whatever it meets; prim stays NONE otherwise.
+static Closest trace_planes(const Geometry g, const Query *q, const int any)
 {
     Closest best;
     best.t = q->ray.t_max;
@@ -199,8 +215,29 @@ static Closest trace(const Geometry g, const Query *q, const int any)
         }
     }
 #endif
+    return best;
+}
+
+// What the ray meets first, or where `any` whatever it meets; prim stays NONE otherwise.
+static Closest trace(const Geometry g, Query *q, const int any)
+{
+    const Closest before = trace_planes(g, q, any);
+    Closest best = before;
+    if (any && best.prim != NONE) {
+        return best;
+    }
+#if PLAIN_FIRST
+    for (q->exact = any;; q->exact = 1) {
+        trace_all(g, q, any, &best);
+        if (q->exact || stands(g, q, &best)) {
+            return best;
+        }
+        best = before;
+    }
+#else
     trace_all(g, q, any, &best);
     return best;
+#endif
 }
 
 static int prepare_query(const float extent, const Ray ray, Query *q)
@@ -212,6 +249,7 @@ static int prepare_query(const float extent, const Ray ray, Query *q)
 #if HAS_TRIANGLES
     q->shear = shear_of(q->ray, q->slab.inverse);
 #endif
+    q->exact = 1;
     return 1;
 }
 
@@ -247,10 +285,11 @@ static Hit miss_of(const Ray ray)
 }
 
 // Closest primitive at t in [0, t_max], ties to the lowest id. A ray that is not finite or has no direction misses.
-static Hit trace_closest(const Geometry g, const Ray ray)
+// `extent` is the geometry's.
+static Hit closest_within(const Geometry g, const float extent, const Ray ray)
 {
     Query q;
-    if (!prepare_query(geometry_extent(g), ray, &q)) {
+    if (!prepare_query(extent, ray, &q)) {
         return miss_of(ray);
     }
     const Closest best = trace(g, &q, 0);
@@ -258,8 +297,11 @@ static Hit trace_closest(const Geometry g, const Ray ray)
 }
 
 // Whether anything is met at t in [0, t_max].
-static int trace_any(const Geometry g, const Ray ray)
+static int any_within(const Geometry g, const float extent, const Ray ray)
 {
     Query q;
-    return prepare_query(geometry_extent(g), ray, &q) && trace(g, &q, 1).prim != NONE;
+    return prepare_query(extent, ray, &q) && trace(g, &q, 1).prim != NONE;
 }
+
+static Hit trace_closest(const Geometry g, const Ray ray) { return closest_within(g, geometry_extent(g), ray); }
+static int trace_any(const Geometry g, const Ray ray) { return any_within(g, geometry_extent(g), ray); }

@@ -21,6 +21,16 @@
 #define VEC_LEN_HINT
 #endif
 
+// Rays that a work-item traces one after the other, and items of a group: a CPU finds what its rays share once and keeps
+// one stack in its nearest cache. The host's trace_launch agrees.
+#if DEVICE_GPU
+#define ITEM_RAYS 1u
+#define ITEM_GROUP RAY_GROUP
+#else
+#define ITEM_RAYS TILE
+#define ITEM_GROUP TILE_GROUP
+#endif
+
 // Where a call would spill vector registers in the innermost loop.
 #define ALWAYS_INLINE __attribute__((always_inline))
 

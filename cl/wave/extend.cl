@@ -3,16 +3,21 @@
 #include "accel/geometry.cl"
 #include "accel/traverse.cl"
 
-// Closest hit of every queued ray. Race rule: slots in a queue are distinct, and each item writes only its own hit.
-VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
+// Closest hit of every queued ray, ITEM_RAYS an item. Race rule: slots in a queue are distinct, and each item writes only
+// the hits of its own rays.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
 kernel void extend(GEOMETRY_ARGUMENTS, global const uint *queue, const uint first, const uint count,
                    global const Ray *rays, global Hit *hits)
 {
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
+    const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
+    if (begin >= count) {
         return;
     }
     const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    const uint slot = queue[first + i];
-    hits[slot] = trace_closest(g, rays[slot]);
+    const float extent = geometry_extent(g);
+    const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
+    for (uint i = begin; i < end; i++) {
+        const uint slot = queue[first + i];
+        hits[slot] = closest_within(g, extent, rays[slot]);
+    }
 }

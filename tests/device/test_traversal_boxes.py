@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+from itertools import product
+
 import numpy as np
 
-from oracles_geometry import exactly_meets_box, mesh, rays_of, simple_tree, soup, tracer
-from raytide.kernels import NONE, RECORDS
+from oracles_geometry import exactly_meets_box, features, mesh, rays_of, simple_tree, soup, tracer
+from raytide.kernels import NONE, RECORDS, assemble
+from trace_programs import ORDER_KERNEL
 
 
 def node_of(boxes: np.ndarray) -> np.ndarray:
@@ -39,6 +43,61 @@ def test_a_ray_in_a_face_plane_meets_the_box(device: object) -> None:
                 directions.append(direction)
     found = masks(device, [[[-1, -1, -1], [1, 1, 1]]], rays_of(np.array(origins), np.array(directions)))
     assert found.tolist() == [1] * 12
+
+
+def ends() -> np.ndarray:
+    """Floats around powers of two, zeros of both signs, denormals, the largest, infinity, and random ones."""
+    rng = np.random.default_rng(8)
+    edges = np.float32(2.0) ** np.array([-126, -125, -60, -1, 0, 1, 24, 60, 126])
+    random = np.float32(rng.uniform(1, 2, 40) * 2.0 ** rng.integers(-100, 100, 40))
+    bits = np.concatenate([edges, random, np.float32([1e-45, 3e-39, 3.4028235e38])]).view(np.int32)
+    around = bits[:, None] + np.array([-40, -33, -32, -31, -9, -6, -1, 0, 1, 6, 31, 32, 33])
+    return np.unique(np.concatenate([around[(around >= 0) & (around <= 0x7F800000)], [0, 0x7F800000]])).astype(np.int32)
+
+
+def test_near_and_far_ends_are_in_order_up_to_the_pad_and_never_behind_the_ray(device: object) -> None:
+    """Decided in rational numbers: whatever is in order but for 32 roundings of the far end counts; nothing counts
+    that is out of order by more than 64 (but for denormals), nor any far end below zero or at -0."""
+    numbers = ends().view(np.float32)
+    source = assemble("", features(), ORDER_KERNEL)
+    program = device.build({"order": source})["order"]  # type: ignore[attr-defined]
+    fars = np.concatenate([numbers, -numbers])
+    near, far = (grid.ravel() for grid in np.meshgrid(numbers, fars, indexing="ij"))
+    pad = -len(near) % 8
+    near, far = np.pad(near, (0, pad)), np.pad(far, (0, pad), constant_values=-1)
+    out = device.empty(4 * len(near))  # type: ignore[attr-defined]
+    given = device.upload(near), device.upload(far)  # type: ignore[attr-defined]
+    device.launch(program, "in_order", (len(near) // 8,), (1,), *given, out)  # type: ignore[attr-defined]
+    found = device.read(out, np.int32, len(near)) != 0  # type: ignore[attr-defined]
+    assert not found[np.signbit(far)].any()
+    ahead = ~np.signbit(far)
+    close = ahead & (np.abs(near.view(np.int32) - far.view(np.int32).astype(np.int64)) < 80)
+    assert found[ahead & ~close & (near <= far)].all() and not found[ahead & ~close & (near > far)].any()
+    unit, tiny = Fraction(1, 2**24), Fraction(1, 2**149)
+    for n, f, met in zip(near[close], far[close], found[close], strict=True):
+        if not np.isfinite(n) or not np.isfinite(f):
+            assert met or f < n
+            continue
+        exact, end = Fraction(float(n)), Fraction(float(f))
+        assert met or exact > end * (1 + 32 * unit)
+        assert not met or exact <= end * (1 + 64 * unit) + 32 * tiny
+
+
+def test_a_ray_from_a_corner_at_zero_meets_the_box_whatever_the_signs_of_zeros(device: object) -> None:
+    """The origin is a point of the box: boxes in all octants, directions into all of them, zeros of both signs."""
+    origins, directions, boxes = [], [], []
+    octants = list(product((-1.0, 1.0), repeat=3))
+    for octant in octants:
+        for zero in (0.0, -0.0):
+            box = np.array([np.minimum(octant, 0), np.maximum(octant, 0)])
+            boxes.append(np.where(box == 0, zero, box))
+    for direction in octants:
+        for signs in product((0.0, -0.0), repeat=3):
+            origins.append(signs)
+            directions.append(np.array(direction) * (1.0, 0.7, 0.3))
+    rays = rays_of(np.array(origins), np.array(directions))
+    for part in (boxes[:8], boxes[8:]):
+        assert (masks(device, part, rays) == 255).all()
 
 
 def test_a_ray_beside_a_box_it_is_parallel_to_misses(device: object) -> None:
@@ -76,7 +135,7 @@ def test_no_ray_aimed_at_an_edge_of_a_box_misses_it(device: object) -> None:
         free = rng.integers(3, size=count)
         corner[np.arange(count), free] = rng.uniform(low[free], high[free])
         origin = np.float32(center + rng.normal(size=(count, 3)) * rng.choice([1.0, 1e3]))
-        rays = rays_of(origin, corner - origin)
+        rays = rays_of(origin, (corner - origin) * 2.0 ** rng.uniform(-1, 1, (count, 1)))  # t anywhere in a binade
         stored = [[np.nextafter(low, np.float32(-np.inf)), np.nextafter(high, np.float32(np.inf))]]
         found = masks(device, stored, rays)
         truth = [exactly_meets_box(low, high, o, d) for o, d in zip(origin, rays["direction"][:, :3], strict=True)]

@@ -73,6 +73,39 @@ def test_brute_force_and_tree_agree_on_thin_piles_of_copies(device: object, seed
     assert by_tree.tobytes() == by_force.tobytes() and (by_tree["prim"] != NONE).mean() > 0.5
 
 
+def slivers(seed: int) -> tuple[Mesh, np.ndarray]:
+    """Triangles in planes across an axis, half of them needles, and rays aimed at insides and edges that graze them:
+    there t errs most, and the box is entered at the very plane."""
+    rng = np.random.default_rng(seed)
+    count, rows = 300, np.arange(60_000)
+    corners = np.repeat(rng.normal(size=(count, 1, 3)) * 0.5, 3, axis=1)
+    across = rng.integers(3, size=count)
+    corners[np.arange(count), 1, (across + 1) % 3] += rng.uniform(0.5, 4, count)
+    corners[np.arange(count), 2, (across + 2) % 3] += rng.uniform(0.5, 4, count) * rng.choice([1e-3, 1], count)
+    corners = np.float32(corners)
+    weights = rng.dirichlet([0.5, 0.5, 0.5], len(rows))
+    weights[rng.random(len(rows)) < 0.5, 2] = 0
+    weights /= weights.sum(axis=1, keepdims=True)
+    picked = rng.integers(count, size=len(rows))
+    aim = np.einsum("nk,nkx->nx", weights, corners[picked].astype(np.float64))
+    away = rng.normal(size=(len(rows), 3))
+    away[rows, across[picked]] *= 10.0 ** -rng.uniform(0, 6, len(rows))
+    origin = np.float32(aim + away)
+    return soup(corners), rays_of(origin, aim - origin)
+
+
+@pytest.mark.parametrize("seed", [21, 22])
+def test_winners_by_plain_t_that_do_not_stand_are_traced_again(device: object, seed: int) -> None:
+    """Brute force tests the box of every candidate, the tree that of the winner: the same bits, redone rays too."""
+    geometry, rays = slivers(seed)
+    traced = tracer(device, geometry)
+    by_tree, _ = traced.trace(rays)
+    again = traced.words("redone", rays) != 0
+    by_force, _ = tracer(device, geometry, False).trace(rays)
+    assert by_tree.tobytes() == by_force.tobytes()
+    assert 100 < again.sum() < 0.2 * len(rays) and (by_tree["prim"] != NONE).mean() > 0.2
+
+
 def test_brute_force_and_tree_agree_where_many_hits_are_close(device: object) -> None:
     """800 large triangles within 1e-4 of a plane, seen from above: the closest of hundreds of hits on each ray."""
     rng = np.random.default_rng(16)

@@ -42,7 +42,8 @@ AOV = Wave("aov")  # built when a film is asked for its layers
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to trace a queue: programs `extend` and `shadow` with `suffix`, `rays` an item, `local` items a group.
+    """One way to trace a queue: programs `extend` and `shadow` with `suffix`. Where rays are not `together`, GPUs trace
+    one in a work-item.
 
     All variants give the same bits. `fits` tells by device class and features where it can run. Where nothing was
     measured yet it traces `usual` kinds of waves, the last such variant of the table first.
@@ -50,8 +51,7 @@ class Variant:
 
     name: str
     suffix: str
-    rays: int
-    local: int
+    together: bool
     fits: Callable[[str, Features], bool]
     usual: tuple[str, ...]
 
@@ -64,8 +64,8 @@ class Variant:
 # keeps the order in which camera rays were made.
 KINDS = ("primary", "reflection[1]", "shadow[1]", "reflection", "shadow")
 VARIANTS = (
-    Variant("single", "", 1, 64, lambda kind, features: True, KINDS),
-    Variant("packet", "_packet", TILE, 4, lambda kind, features: features.tree, ("primary", "shadow[1]")),
+    Variant("single", "", False, lambda kind, features: True, KINDS),
+    Variant("packet", "_packet", True, lambda kind, features: features.tree, ("primary", "shadow[1]")),
 )
 TRAVERSALS = ("auto", *(variant.name for variant in VARIANTS))
 

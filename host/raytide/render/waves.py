@@ -13,7 +13,7 @@ import numpy as np
 
 from raytide.accel import Tree
 from raytide.device import Buffer, Device, Program
-from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE
+from raytide.kernels.constants import COUNTER_EDGES, COUNTERS, EDGE_BINS, PARTITION_CHUNK, TILE, trace_launch
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import Variant, WavePlan, kind_of
@@ -152,10 +152,8 @@ class Waves:
 
         def launch(variant: Variant) -> None:
             name = wave + variant.suffix
-            self.device.launch(
-                self.programs[name], name, -(-count // variant.rays), variant.local, *self.scene.geometry, *arguments,
-                label=label,
-            )  # fmt: skip
+            items, local = trace_launch(count, alone=not variant.together and self.device.kind == "gpu")
+            self.device.launch(self.programs[name], name, items, local, *self.scene.geometry, *arguments, label=label)
 
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 

@@ -10,7 +10,7 @@ import numpy as np
 from raytide.accel import FlatGeometry, Tree, build_tree, tree_sources
 from raytide.device import Buffer, Device
 from raytide.errors import UsageError
-from raytide.kernels.constants import TILE
+from raytide.kernels.constants import trace_launch
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
@@ -100,7 +100,7 @@ class RayTracer:
         else:
             arguments, name = (self._queue, np.uint32(0), count, rays, results), "extend"
         name += self._suffix
-        items, local = (-(-int(count) // TILE), 4) if self._suffix else (int(count), 64)
+        items, local = trace_launch(int(count), alone=not self._suffix and self.device.kind == "gpu")
         self.device.launch(self.programs[name], name, items, local, *self._scene, *arguments, label="trace")
 
     def hits(self) -> np.ndarray:
