@@ -123,15 +123,12 @@ kernel void closest_packet(GEOMETRY_ARGUMENTS, const uint count, global const ui
     const Geometry g = GEOMETRY_OF_ARGUMENTS;
     const uint size = count - begin < PACKET_RAYS ? count - begin : PACKET_RAYS;
     Packet p;
-    gather_packet(g, queue + begin, size, rays, &p);
-    if (p.usable != 0ul) {
-        trace_packet(g, &p, (int)any);
-    }
+    trace_packet(g, &p, queue + begin, size, rays, (int)any);
     for (uint i = 0u; i < size; i++) {
         if (any) {
             met[begin + i] = (uint)packet_met(&p, i);
         } else {
-            hits[begin + i] = packet_hit(g, &p, i, rays[begin + i]);
+            hits[begin + i] = packet_hit(&p, i);
         }
     }
 }

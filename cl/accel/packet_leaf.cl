@@ -3,8 +3,9 @@
 #include "accel/geometry.cl"
 #include "accel/traverse.cl"
 #include "accel/packet_rays.cl"
-// A leaf and those rays of a packet that meet its box: ray by ray against eight triangles, or triangle by triangle
-// against eight rays, whichever is fewer tests. Both take the same decisions to the last bit.
+#include "accel/packet_beam.cl"
+// Leaves and the rays of a packet. Triangles: those whose boxes the beam meets, one after the other, against eight rays
+// at a time. Shapes: ray by ray, by the function of the single rays.
 
 #if HAS_TRIANGLES
 // One triangle, its components in the order of the rays' axes, as eight rays see it: as triangles_met8 shears eight.
@@ -31,95 +32,143 @@ ALWAYS_INLINE static Sheared8 sheared_for8(const Packet *p, const uint group, co
     return v;
 }
 
-// Rays of a group that meet a triangle at `depth` (where `met`) take it if it is better: triangle_t and better.
-static int keep_triangle8(Packet *p, const uint group, global const Block *block, const uint index, const uint lane,
-                          int8 met, const float8 depth, const int any)
+// As lane_corner, with the rows apart.
+ALWAYS_INLINE static float3 lane_corner3(global const char *lane, const uint x, const uint y, const uint z)
 {
-    const float4 a = lane_vertex(block, 0u, lane);
-    const float4 b = lane_vertex(block, 1u, lane);
-    const float4 c = lane_vertex(block, 2u, lane);
-    const float4 low = rounded_down(min4(a, min4(b, c)));
-    const float4 high = rounded_up(max4(a, max4(b, c)));
-    const int4 negative = p->flip != 0u;
-    const int prim = (int)((global const uint *)&block->prim)[lane];
+    return (float3)(*(global const float *)(lane + x), *(global const float *)(lane + y),
+                    *(global const float *)(lane + z));
+}
+
+// A triangle and the rays of a group, for those of them that are longest along `axis`: who meets it takes it if it is
+// better: triangle_t and better. The weights u and v are hit_of's.
+ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint axis, global const char *lane,
+                                         const uint prim, private const float *rows, const int any)
+{
+    const uint x = axis == 2u ? 0u : (axis + 1u) * ROW;
+    const uint y = axis == 0u ? 2u * ROW : (axis - 1u) * ROW;
+    const Sheared8 s = sheared_for8(p, group, lane_corner3(lane, x, y, axis * ROW),
+                                    lane_corner3(lane + 3u * ROW, x, y, axis * ROW),
+                                    lane_corner3(lane + 6u * ROW, x, y, axis * ROW));
+    float8 depth;
+    int8 met = sheared_met8(s, p->t[group] * p->length_z[group] * FAR_SCALE, &depth);
+    if (movemask8(met) == 0u) {
+        return 0;
+    }
     float8 enter;
-    met &= box_met_by8(p, group, negative ? high : low, negative ? low : high, &enter);
+    const PacketBox box = PACKET_BOX(p, rows, 0u);
+    met &= box_met_by8(p, group, box, p->mixed, &enter);
     const float8 t = max8(depth / p->length_z[group], enter * NEAR_SCALE);
     const int8 best = p->prim[group];
-    const int8 lower = as_uint8(best) > (uint8)((uint)prim);
-    met &= (p->skip[group] != prim) & ((t < p->t[group]) | ((t == p->t[group]) & lower));
+    const int8 lower = as_uint8(best) > (uint8)(prim);
+    met &= (p->skip[group] != (int)prim) & (p->axis[group] == (int)axis);
+    met &= (t < p->t[group]) | ((t == p->t[group]) & lower);
     p->t[group] = met ? (any ? (float8)(DONE) : t) : p->t[group];
-    p->prim[group] = met ? (int8)(prim) : best;
-    p->place[group] = met ? (int8)((int)(index * 8u + lane)) : p->place[group];
+    p->prim[group] = met ? (int8)((int)prim) : best;
+    if (!any) {
+        const float8 u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
+        const float8 v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
+        const float8 w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
+        const float8 sum = (u + v) + w;
+        p->u[group] = met ? v / sum : p->u[group];
+        p->v[group] = met ? w / sum : p->v[group];
+    }
     return movemask8(met) != 0u;
 }
 
-// Triangle by triangle, for the groups of which any ray is in `mask`.
-static int visit_block_by_groups(const Geometry g, Packet *p, const uint index, const uint count, const ulong mask,
-                                 const int any)
+// Boxes of a block's triangles, rounded outward as box_met does it: rows as of a node.
+ALWAYS_INLINE static void triangle_boxes8(global const Block *block, float8 *rows)
 {
-    global const Block *block = g.blocks + index;
-    const uint4 rows = p->vertex_rows;
+    global const float8 *values = &block->v0x;
+    for (uint axis = 0u; axis < 3u; axis++) {
+        const float8 a = values[axis];
+        const float8 b = values[axis + 3u];
+        const float8 c = values[axis + 6u];
+        const float8 low = min8(a, min8(b, c));
+        const float8 high = max8(a, max8(b, c));
+        rows[2u * axis] = low - abs8(low) * UNIT_ROUNDOFF;
+        rows[2u * axis + 1u] = high + abs8(high) * UNIT_ROUNDOFF;
+    }
+}
+
+// 1 if any ray of the groups found something better.
+static int visit_packet_block(const Geometry g, Packet *p, const uint child, const uint *groups, const uint count,
+                              const float limit, const int any)
+{
+    float8 rows[6];
+    uint pairs[8u * PACKET_GROUPS];
+    global const Block *block = g.blocks + ((child & CHILD_BLOCK_MASK) >> 3);
+    triangle_boxes8(block, rows);
+    const Beam *b = &p->beam;
+    const uint side_a = b->side[0] / ROW;
+    const uint side_b = b->side[1] / ROW;
+    const BeamRows r = {rows[b->near / ROW], rows[b->far / ROW], rows[side_a], rows[side_a + 1u], rows[side_b],
+                        rows[side_b + 1u]};
+    float8 enter;
+    uint mask = beam_boxes8(b, r, limit, &enter) & ((2u << (child & 7u)) - 1u);
+    uint pair_count = 0u;
+    for (; mask != 0u; mask &= mask - 1u) {
+        const uint lane = ctz_of(mask);
+        const PacketBox box = PACKET_BOX(p, (private const float *)rows, lane);
+        pair_count += list_groups(p, groups, count, box, lane << 3, pairs + pair_count);
+    }
     int found = 0;
-    for (uint group = 0u; group < PACKET_GROUPS; group++) {
-        if (((mask >> (8u * group)) & 0xfful) == 0ul) {
+    for (uint k = 0u; k < pair_count; k++) {
+        const uint lane = pairs[k] >> 3;
+        const uint group = pairs[k] & 7u;
+        global const char *at = (global const char *)block + 4u * lane;
+        const uint prim = ((global const uint *)&block->prim)[lane];
+#if HAS_VISIBILITY
+        if (is_hidden(g, g.triangles[prim].v.w)) {
             continue;
         }
-        for (uint lane = 0u; lane < count; lane++) {
-            global const char *at = (global const char *)block + 4u * lane;
-#if HAS_VISIBILITY
-            if (is_hidden(g, g.triangles[((global const uint *)&block->prim)[lane]].v.w)) {
-                continue;
-            }
 #endif
-            const Sheared8 v = sheared_for8(p, group, lane_corner(at, rows), lane_corner(at + 3u * ROW, rows),
-                                            lane_corner(at + 6u * ROW, rows));
-            const float8 limit = p->t[group] * p->length_z[group] * FAR_SCALE;
-            float8 depth;
-            const int8 met = sheared_met8(v, limit, &depth);
-            if (movemask8(met) != 0u) {
-                found |= keep_triangle8(p, group, block, index, lane, met, depth, any);
-            }
+        for (uint axes = p->axes[group]; axes != 0u; axes &= axes - 1u) {
+            found |= visit_triangle8(p, group, ctz_of(axes), at, prim, (private const float *)rows + lane, any);
         }
     }
     return found;
 }
 #endif
 
-// Ray by ray, the very functions of the single-ray variant.
-static int visit_leaf_by_rays(const Geometry g, Packet *p, const uint child, const ulong mask, const int any)
+#if HAS_ANALYTIC || HAS_PLANE || HAS_INSTANCES
+// One shape or instance, for one ray.
+static int visit_shape_or_instance(const Geometry g, const Query *q, const uint index, const int any, Closest *best)
+{
+#if HAS_INSTANCES
+    if (index >= g.instance_first) {
+        return visit_instance(g, q, index, any, best);
+    }
+#endif
+#if HAS_ANALYTIC || HAS_PLANE
+    return visit_shape(g, q, index, best);
+#else
+    return 0;
+#endif
+}
+
+// One shape or instance, ray by ray for those in `mask`.
+static int visit_packet_shape(const Geometry g, Packet *p, const uint index, ulong mask, const int any)
 {
     int found = 0;
-    for (uint half_rays = 0u; half_rays < PACKET_RAYS; half_rays += 32u) {
-        for (uint bits = (uint)(mask >> half_rays); bits != 0u; bits &= bits - 1u) {
-            const uint i = half_rays + ctz_of(bits);
-            Closest best = best_of(p, i);
-            if (visit_leaf(g, p->queries + i, child, any, &best)) {
-                keep_best(p, i, best, any);
-                found = 1;
-            }
+    for (; mask != 0ul; mask &= mask - 1ul) {
+        const uint i = lowest_ray(mask);
+        if (!((p->prepared >> i) & 1ul)) {
+            prepare_query(p->extent, p->rays[p->slots[swapped(i)]], p->queries + i);
+            p->prepared |= 1ul << i;
+        }
+        Closest best;
+        best.t = lane_of8(p->t, i);
+        best.prim = lane_of_int8(p->prim, i);
+        best.place = 0u;
+        if (best.t >= 0.0f && visit_shape_or_instance(g, p->queries + i, index, any, &best)) {
+            const Hit hit = hit_of(g, p->queries + i, best);
+            set_lane8(p->t, i, any ? DONE : best.t);
+            set_lane8(p->u, i, hit.u);
+            set_lane8(p->v, i, hit.v);
+            set_lane_int8(p->prim, i, best.prim);
+            found = 1;
         }
     }
     return found;
 }
-
-static uint count_bits(const ulong mask) { return popcount_of((uint)mask) + popcount_of((uint)(mask >> 32)); }
-
-// How many bytes are not zero.
-static uint count_groups(const ulong mask)
-{
-    const ulong low = 0x7f7f7f7f7f7f7f7ful;
-    return count_bits((((mask & low) + low) | mask) & ~low);
-}
-
-// 1 if any ray found something better.
-static int visit_packet_leaf(const Geometry g, Packet *p, const uint child, const ulong mask, const int any)
-{
-#if HAS_TRIANGLES
-    const uint count = (child & 7u) + 1u;
-    if (!(child & CHILD_ANALYTIC) && p->one_axis && count_bits(mask) > count * count_groups(mask)) {
-        return visit_block_by_groups(g, p, (child & CHILD_BLOCK_MASK) >> 3, count, mask, any);
-    }
 #endif
-    return visit_leaf_by_rays(g, p, child, mask, any);
-}

@@ -17,11 +17,8 @@ kernel void extend_packet(GEOMETRY_ARGUMENTS, global const uint *queue, const ui
     const uint size = count - begin < PACKET_RAYS ? count - begin : PACKET_RAYS;
     global const uint *slots = queue + (first + begin);
     Packet p;
-    gather_packet(g, slots, size, rays, &p);
-    if (p.usable != 0ul) {
-        trace_packet(g, &p, 0);
-    }
+    trace_packet(g, &p, slots, size, rays, 0);
     for (uint i = 0u; i < size; i++) {
-        hits[slots[i]] = packet_hit(g, &p, i, rays[slots[i]]);
+        hits[slots[i]] = packet_hit(&p, i);
     }
 }

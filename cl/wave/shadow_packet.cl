@@ -17,10 +17,7 @@ kernel void shadow_packet(GEOMETRY_ARGUMENTS, global const uint *queue, const ui
     const Geometry g = GEOMETRY_OF_ARGUMENTS;
     const uint size = count - begin < PACKET_RAYS ? count - begin : PACKET_RAYS;
     Packet p;
-    gather_packet(g, queue + begin, size, shadow_rays, &p);
-    if (p.usable != 0ul) {
-        trace_packet(g, &p, 1);
-    }
+    trace_packet(g, &p, queue + begin, size, shadow_rays, 1);
     for (uint i = 0u; i < size; i++) {
         if (!packet_met(&p, i)) {
             const float4 light = shadow_light[queue[begin + i]];

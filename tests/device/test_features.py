@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from raytide.device import Device
 from raytide.kernels import Features, assemble
 from raytide.kernels.features import kinds
-from raytide.render.schedule import AOV, PACKET_WAVES, WAVES
+from raytide.render.schedule import AOV, VARIANTS, WAVES
 from raytide.scene.materials import MATERIALS
 
 NONE_ON = Features(triangles=False, tree=False, sobol=False)
@@ -33,7 +33,8 @@ def test_all_none_and_each_switch_alone_build_without_a_warning(device: Device) 
     sources = {}
     wide = {"all, wide": replace(ALL_ON, compact=False), "compact": replace(NONE_ON, tree=True, compact=True)}
     for name, features in {"none": NONE_ON, "all": ALL_ON, **wide, **each_alone()}.items():
-        for wave in (*WAVES, *(PACKET_WAVES if features.tree else ()), AOV):
+        tracing = [wave for variant in VARIANTS if variant.fits(device.kind, features) for wave in variant.waves]
+        for wave in {one.name: one for one in (*WAVES, *tracing, AOV)}.values():
             source = assemble(wave.entry, wave.features(features))
             sources.setdefault(source.sha256, (f"{wave.name}, {name}", source))
     numbered = enumerate(sources.values())

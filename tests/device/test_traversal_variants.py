@@ -7,6 +7,7 @@ import pytest
 
 from oracles_geometry import (
     FAR,
+    Mesh,
     blocks_in_order,
     closest_triangle,
     crowd,

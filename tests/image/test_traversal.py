@@ -9,7 +9,9 @@ import pytest
 
 import raytide as rt
 from raytide.device import Device
+from raytide.device.cache import FileCache
 from raytide.errors import UsageError
+from raytide.render import trial
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SHOWN = ("cornell/cornell", "terrain/terrain", "whitted/whitted", "blob/blob", "lights/sphere", "materials/dielectric")
@@ -32,12 +34,74 @@ def test_packets_change_no_bit_of_a_picture(device: Device, name: str, memory: i
     assert set(onward.values()) <= {"single"}
 
 
-def test_auto_means_packets_on_processors_and_never_without_a_tree(device: Device) -> None:
-    scene = rt.load(SCENES / "cornell" / "cornell.toml")
-    for bvh, wanted in (("sah", "single" if device.kind == "gpu" else "packet"), ("none", "single")):
-        with rt.Renderer(scene, device, size=(16, 16), spp=1, bvh=bvh) as renderer:
-            renderer.render()
-            assert renderer.report()["traversal"]["ran"]["primary"] == wanted
+CORNELL = SCENES / "cornell" / "cornell.toml"
+
+
+@pytest.fixture
+def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of its own for what trials find, and launches of any size that count."""
+    monkeypatch.setattr(trial, "FileCache", lambda kind: FileCache(kind, tmp_path))
+    monkeypatch.setattr(trial, "FEWEST_RAYS", 64)
+    return tmp_path / "traversal"
+
+
+def shown(device: Device, traversal: str = "auto", spp: int = 12) -> tuple[np.ndarray, dict]:
+    """A small picture by many small waves, and what its report says of the traversal."""
+    scene = rt.load(CORNELL)
+    with rt.Renderer(scene, device, traversal=traversal, memory=60_000, size=(48, 40), spp=spp) as renderer:
+        return renderer.render().rgb, renderer.report()["traversal"]
+
+
+def test_a_trial_changes_no_bit_and_is_remembered(device: Device, own_choices: Path) -> None:
+    """Each wave's kind is tried, or is too rare to be; the next render knows what this one found."""
+    wanted, forced = shown(device, "single")
+    assert {one["by"] for one in forced["choice"].values()} == {"usual"} and not own_choices.exists()
+    image, first = shown(device)
+    assert np.array_equal(image, wanted)
+    if device.kind == "gpu":
+        assert first["choice"] == forced["choice"]
+        return
+    found = {kind: one for kind, one in first["choice"].items() if one["by"] == "trial"}
+    assert {"primary", "shadow[1]"} <= set(found) and first["trial_s"] > 0
+    for one in found.values():
+        assert set(one["rays_per_s"]) == {"single", "packet"} and one["runs"] == max(
+            one["rays_per_s"], key=one["rays_per_s"].__getitem__
+        )
+    image, second = shown(device)
+    assert np.array_equal(image, wanted)
+    for kind, one in found.items():
+        assert second["choice"][kind] == {**one, "by": "cache"}
+        assert second["ran"].get(kind, one["runs"]) == one["runs"]
+
+
+def test_damaged_choices_are_tried_again(device: Device, own_choices: Path) -> None:
+    if device.kind == "gpu":
+        pytest.skip("there is nothing to choose")
+    shown(device)
+    records = [path for path in own_choices.rglob("*") if path.is_file()]
+    assert records
+    for path in records:
+        path.write_bytes(path.read_bytes()[:-1] + b"x")
+    assert shown(device)[1]["choice"]["primary"]["by"] == "trial"
+    for path in (path for path in own_choices.rglob("*") if path.is_file()):
+        FileCache("traversal", own_choices.parent).put(path.name, {}, b'{"single": 1.0}')  # whole, but of no use
+    assert shown(device)[1]["choice"]["primary"]["by"] == "trial"
+
+
+def test_a_short_render_waits_for_no_trial(device: Device, own_choices: Path) -> None:
+    choice = shown(device, spp=1)[1]["choice"]["shadow[1]"]
+    assert choice["by"] == "usual" and choice["runs"] == ("single" if device.kind == "gpu" else "packet")
+    assert not own_choices.exists() or "shadow[1]" not in [
+        FileCache("traversal", own_choices.parent).get(path.name).facts["kind"]  # type: ignore[union-attr]
+        for path in own_choices.rglob("*")
+        if path.is_file()
+    ]
+
+
+def test_packets_need_a_tree(device: Device) -> None:
+    with rt.Renderer(rt.load(CORNELL), device, size=(16, 16), spp=1, bvh="none") as renderer:
+        renderer.render()
+        assert set(renderer.report()["traversal"]["ran"].values()) == {"single"}
 
 
 def test_an_unknown_traversal_lists_the_known_ones(device: Device) -> None:

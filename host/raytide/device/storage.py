@@ -12,7 +12,7 @@ from raytide.device.cache import FileCache, cap_bytes, is_sound
 from raytide.device.environment import cache_dir
 from raytide.device.rundir import abandoned_folders
 
-CHECKED = ("kernels", "probes")
+CHECKED = ("kernels", "probes", "traversal")
 _PLAIN = ("failed", "pocl")
 
 
@@ -53,7 +53,8 @@ def cache_facts(verify: bool = False) -> CacheFacts:
 
 
 def clear_cache() -> int:
-    """Remove compiled kernels, probe results, refused programs and folders of dead processes; bytes removed.
+    """Remove compiled kernels, probe results, choices of the traversal, refused programs and folders of dead processes;
+    bytes removed.
 
     Safe beside running renders: they hold what they need.
     """

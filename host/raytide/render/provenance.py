@@ -41,7 +41,8 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
                     "error_estimates": history.cost_s},
         "rays": _rays(renderer.rays),
         "waves": wave_table(frame.wave_times, renderer.rays),
-        "traversal": {"asked": renderer.traversal, "ran": dict(renderer.waves.traced_by if renderer.waves else {})},
+        "traversal": {"asked": renderer.traversal, "ran": dict(renderer.waves.traced_by if renderer.waves else {}),
+                      "choice": renderer.trial.as_dict(), "trial_s": renderer.trial.spent_s},
         "kernels": {name: _kernel(program) for name, program in renderer.programs.items()},
         "tree": {key: _plain(value) for key, value in vars(renderer.forest.stats).items()},
         "memory": {

@@ -35,6 +35,7 @@ from raytide.render.limits import History, Limits, Row, limits_of
 from raytide.render.pack import PackedScene, features_of, pack
 from raytide.render.provenance import provenance_of, report_of
 from raytide.render.settings import settings_record, with_settings
+from raytide.render.trial import Trial
 from raytide.render.waves import RayCounts, SceneBuffers, Waves
 from raytide.scene.flatten import FlatScene
 from raytide.scene.scene import Scene
@@ -45,10 +46,10 @@ class Renderer:
 
     `memory` bounds the wave buffers in bytes; `everything` builds kernels with every feature (to see what leaving
     out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
-    `traversal` says how rays are traced: "single", "packet" (64 together where they are in tile order), "compact"
-    (single, through a tree of small nodes) or "auto", by the device; the picture is the same, bit for bit.
-    `settings` override keys of the scene's [render] table and camera `size`. Use as a context manager. Two renderers
-    may share a Device, one after the other: device times are counted by device.
+    `traversal` says how rays are traced: "single", "packet" (64 together, where rays are in tile order), "compact"
+    (single, through a tree of small nodes) or "auto", which tries them (trial.py) or takes compact on GPUs; the picture
+    is the same, bit for bit. `settings` override keys of the scene's [render] table and camera `size`. Use as a context
+    manager. Two renderers may share a Device, one after the other: device times are counted by device.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -122,8 +123,9 @@ class Renderer:
         """Programs whose source did not change stay as they are; all others are compiled side by side."""
         waves = [w for w in schedule.WAVES if w.needed(self.features)]
         waves += [schedule.AOV] if self.early_layers else []
-        if schedule.uses_packets(self.traversal, self.device.kind, self.features):
-            waves += [w for w in schedule.PACKET_WAVES if w.needed(self.features)]
+        self.variants = schedule.variants_for(self.traversal, self.device.kind, self.features)
+        tracing = [w for variant in self.variants for w in variant.waves if w.needed(self.features)]
+        waves += [w for w in tracing if w.name not in {wave.name for wave in waves}]
         sources = {wave.name: assemble(wave.entry, wave.features(self.features)) for wave in waves}
         for part in (self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)):
             sources |= tree_sources(part, self.flat.render.bvh)
@@ -132,6 +134,8 @@ class Renderer:
         missing = {name: source for name, source in sources.items() if name not in kept}
         self.sources = sources
         self.programs = kept | (self.device.build(missing) if missing else {})
+        kernels = {wave.name: sources[wave.name].sha256 for wave in tracing}
+        self.trial = Trial(self.device, self.variants, kernels, self.traversal != "auto")
 
     def _build_tree(self) -> None:
         """Trees stay while geometry, builder and layout do: that of a mesh, wherever its instances go. The world's
@@ -183,7 +187,8 @@ class Renderer:
         self.settings_buffer = self.device.upload(settings_record(self.flat, self.packed))
         self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height))
         pixels_of = self.frame.pixels_of
-        self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan, pixels_of)
+        self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan,
+                           self.trial, pixels_of)  # fmt: skip
         self._begin()
 
     def _begin(self) -> None:

@@ -42,20 +42,59 @@ WAVES = (
     Wave("shadow", lambda features: bool(features.lights), traces=True),
     Wave("film"),
 )
-# The same waves by packets of 64 rays, for queues in tile order; beside the others, which trace all other queues.
-PACKET_WAVES = (Wave("extend_packet"), Wave("shadow_packet", lambda features: bool(features.lights)))
 AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
 
-TRAVERSALS = ("auto", "single", "packet", "compact")
+@dataclass(frozen=True)
+class Variant:
+    """One way to trace a queue: programs `extend` and `shadow` with `suffix`. Where rays are not `together`, GPUs trace
+    one in a work-item.
+
+    All variants give the same bits. `fits` tells by device class and features where it can run. Where nothing was
+    measured yet it traces `usual` kinds of waves, the last such variant of the table first.
+    """
+
+    name: str
+    suffix: str
+    together: bool
+    fits: Callable[[str, Features], bool]
+    usual: tuple[str, ...]
+
+    @property
+    def waves(self) -> tuple[Wave, ...]:
+        lit = lambda features: bool(features.lights)  # noqa: E731
+        return Wave(f"extend{self.suffix}", traces=True), Wave(f"shadow{self.suffix}", lit, traces=True)
 
 
-def uses_packets(traversal: str, kind: str, features: Features) -> bool:
-    """Whether rays in tile order are traced by packets: where asked for, and by default on CPUs, where they measured
-    faster. A scene without a tree has nothing to share. UsageError for an unknown `traversal`."""
+# Kinds of waves: which rays they trace. Launches of the first three follow the tiles of the picture, because compaction
+# keeps the order in which camera rays were made.
+KINDS = ("primary", "reflection[1]", "shadow[1]", "reflection", "shadow")
+VARIANTS = (
+    Variant("single", "", False, lambda kind, features: not features.compact, KINDS),
+    Variant("packet", "_packet", True, lambda kind, features: features.tree and not features.compact,
+            ("primary", "shadow[1]")),
+    Variant("compact", "", False, lambda kind, features: features.compact, KINDS),
+)
+TRAVERSALS = ("auto", *(variant.name for variant in VARIANTS))
+
+
+def kind_of(label: str) -> str:
+    """The kind of a launch by its label, such as "shadow" of "shadow[3]"."""
+    return label if label in KINDS else label.partition("[")[0]
+
+
+def variants_for(traversal: str, kind: str, features: Features) -> tuple[Variant, ...]:
+    """The variants that a render may use: all that fit; a named one, and single rays for the waves that it is not for.
+    In the compact layout there is one. UsageError for an unknown `traversal`."""
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
-    return features.tree and (traversal == "packet" or (traversal == "auto" and kind != "gpu"))
+    fitting = [variant for variant in VARIANTS if variant.fits(kind, features)]
+    return (fitting[0], *(v for v in fitting[1:] if traversal in ("auto", v.name)))
+
+
+def usual_variant(variants: tuple[Variant, ...], kind: str) -> Variant:
+    """Which of them traces a kind of wave where nothing was measured."""
+    return next(v for v in reversed(variants) if kind in v.usual)
 
 
 def uses_compact(traversal: str, kind: str, features: Features) -> bool:

@@ -27,11 +27,10 @@ from raytide.kernels.constants import (
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
-from raytide.render.schedule import WavePlan
+from raytide.render.schedule import Variant, WavePlan, kind_of
 from raytide.render.textures import PackedTextures
+from raytide.render.trial import Trial
 
-# Launches whose queues follow the tiles of the picture: compaction keeps the order in which camera rays were made.
-TILE_ORDERED = ("primary", "shadow[1]")
 Observer = Callable[[str, Buffer, int, int, Buffer, Buffer], None]  # label, queue, first, count, rays, paths
 
 
@@ -89,7 +88,6 @@ class SceneBuffers:
                 np.uint32(forest.roots[-1]),
                 np.uint32(forest.first_blocks[-1]),
             )
-        self.one_by_one = "compact" if features.compact else "single"  # how a ray alone is traced
         self.objects = device.upload(packed.objects)
         self.materials = device.upload(packed.materials)
         self.lights = device.upload(packed.lights)
@@ -126,14 +124,15 @@ class Waves:
         scene: SceneBuffers,
         settings: Buffer,
         plan: WavePlan,
+        trial: Trial,
         pixels_of: Callable[[int, int], int],
     ) -> None:
         """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles."""
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
-        self.pixels_of = pixels_of
+        self.pixels_of, self.trial = pixels_of, trial
         self.rays = RayCounts()
         self.observe: Observer | None = None
-        self.traced_by: dict[str, str] = {}  # launch label -> "single", "packet" or "compact"
+        self.traced_by: dict[str, str] = {}  # launch label -> variant that traced the last one
         slots = plan.capacity
         ray = RECORDS["Ray"].size
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
@@ -193,14 +192,15 @@ class Waves:
         self._trace("extend", label, count, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits)
 
     def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
-        """Traces `count` rays, by packets where their queue is in tile order and packets were built."""
-        packet = label in TILE_ORDERED and f"{wave}_packet" in self.programs
-        self.traced_by[label] = "packet" if packet else self.scene.one_by_one
-        name = f"{wave}_packet" if packet else wave
-        items, local = trace_launch(count, alone=not packet and self.device.kind == "gpu")
-        kind = "shadow" if wave == "shadow" else "camera" if label == "primary" else "indirect"
-        geometry = self.scene.geometry(kind)
-        self.device.launch(self.programs[name], name, items, local, *geometry, *arguments, label=label)
+        """Traces `count` rays by the variant of the traversal that is fastest for them."""
+        geometry = self.scene.geometry("shadow" if wave == "shadow" else "camera" if label == "primary" else "indirect")
+
+        def launch(variant: Variant) -> None:
+            name = wave + variant.suffix
+            items, local = trace_launch(count, alone=not variant.together and self.device.kind == "gpu")
+            self.device.launch(self.programs[name], name, items, local, *geometry, *arguments, label=label)
+
+        self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 
     def _shade(self, count: int) -> tuple[int, np.ndarray]:
         """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""

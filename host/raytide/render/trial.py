@@ -1,0 +1,122 @@
+"""Which variant of the traversal traces which kind of wave: tried on a render's own first launches, and remembered.
+
+Nothing is traced twice and no scene is made up for it: launches of a kind take turns between the variants, all of which
+give the same bits, until each has had enough of them; the fastest traces that kind from then on. The outcome is kept by
+device, driver, kernels and kind. A render with fewer launches ends before its trial does, and waits for nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from raytide.device import Device
+from raytide.device.cache import FileCache, digest
+from raytide.device.compile import binary_key
+from raytide.render.schedule import KINDS, Variant, usual_variant
+
+FEWEST_RAYS = 4096  # of a launch that counts
+ROUNDS = 4  # launches of each variant; the first one is left out, since drivers do work of their own then
+LONGEST_S = 0.3  # launches of all trials of a render; after that none begins, and one that goes on ends at once
+
+
+@dataclass
+class _Kind:
+    """What is known of one kind of wave. `rates`, in rays/s, belong to the decision."""
+
+    chosen: Variant | None = None
+    source: str = "usual"  # "usual", "trial" or "cache"
+    launches: dict[str, int] = field(default_factory=dict)
+    rays: dict[str, int] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    rates: dict[str, float] = field(default_factory=dict)
+
+
+class Trial:
+    """Chooses among `variants` for every launch. With `forced` there is nothing to choose: the usual one runs."""
+
+    def __init__(self, device: Device, variants: tuple[Variant, ...], kernels: dict[str, str], forced: bool) -> None:
+        """`kernels`: SHA-256 of the source of each tracing program by name."""
+        self.device, self.variants = device, variants
+        self.spent_s = 0.0
+        self._cache = FileCache("traversal")
+        self._kernels = digest(*(f"{name} {sha}" for name, sha in sorted(kernels.items())))
+        self._kinds = {kind: _Kind() for kind in KINDS}
+        if forced or len(variants) == 1:
+            for kind, state in self._kinds.items():
+                state.chosen = usual_variant(variants, kind)
+        else:
+            for kind in KINDS:
+                self._recall(kind)
+            self._cache.report_damage()
+
+    def trace(self, kind: str, rays: int, launch: Callable[[Variant], None]) -> Variant:
+        """Launches one variant for `rays` rays of a kind, timed where the kind's trial still goes on; gives it."""
+        state = self._kinds[kind]
+        if state.chosen is not None:
+            launch(state.chosen)
+            return state.chosen
+        if rays < FEWEST_RAYS or (self.spent_s >= LONGEST_S and not state.launches):
+            usual = usual_variant(self.variants, kind)
+            launch(usual)
+            return usual
+        variant = min(self.variants, key=lambda one: state.launches.get(one.name, 0))
+        self.device.finish()
+        begun = time.perf_counter()
+        launch(variant)
+        self.device.finish()
+        self._count(kind, variant, rays, time.perf_counter() - begun)
+        return variant
+
+    def _count(self, kind: str, variant: Variant, rays: int, seconds: float) -> None:
+        state, name = self._kinds[kind], variant.name
+        self.spent_s += seconds
+        first = name not in state.launches
+        state.launches[name] = state.launches.get(name, 0) + 1
+        if first:
+            return
+        state.rays[name] = state.rays.get(name, 0) + rays
+        state.seconds[name] = state.seconds.get(name, 0.0) + seconds
+        least = min(state.launches.get(one.name, 0) for one in self.variants)
+        if least >= ROUNDS or (least > 1 and self.spent_s >= LONGEST_S):
+            rates = {one.name: state.rays[one.name] / max(state.seconds[one.name], 1e-9) for one in self.variants}
+            self._decide(kind, rates, "trial")
+            facts = {"device": self.device.info.id, "driver": self.device.info.driver, "kind": kind}
+            self._cache.put(self._key(kind), facts, json.dumps(rates).encode())
+
+    def _decide(self, kind: str, rates: dict[str, float], source: str) -> None:
+        state = self._kinds[kind]
+        state.chosen = max(self.variants, key=lambda one: rates[one.name])
+        state.rates, state.source = rates, source
+
+    def _recall(self, kind: str) -> None:
+        """What an earlier render found. A record that does not name every variant is no record."""
+        entry = self._cache.get(self._key(kind))
+        if entry is None:
+            return
+        try:
+            rates = {one.name: float(json.loads(entry.payload)[one.name]) for one in self.variants}
+        except (ValueError, KeyError, TypeError):
+            self._cache.drop(self._key(kind))
+            return
+        self._decide(kind, rates, "cache")
+
+    def _key(self, kind: str) -> str:
+        info = self.device.info
+        names = " ".join(one.name for one in self.variants)
+        return digest("traversal", binary_key(info, self.device.options, self._kernels), kind, names,
+                      str(info.compute_units))  # fmt: skip
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the report: by kind what runs, since when that is known, and rays/s of each variant."""
+        return {
+            kind: {
+                "runs": (state.chosen or usual_variant(self.variants, kind)).name,
+                "by": state.source,
+                "rays_per_s": state.rates,
+            }
+            for kind, state in self._kinds.items()
+        }
