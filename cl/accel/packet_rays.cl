@@ -55,7 +55,7 @@ typedef struct {
     float extent;    // of the geometry
     global const Ray *rays;
     global const uint *slots;
-#if HAS_ANALYTIC || HAS_PLANE
+#if HAS_ANALYTIC || HAS_PLANE || HAS_INSTANCES
     Query queries[PACKET_RAYS];
     ulong prepared;  // queries that are there
 #endif
@@ -194,7 +194,7 @@ static uint lowest_ray(const ulong set)
 static void begin_packet(Packet *p, const uint count, Bounds8 *all)
 {
     p->usable = p->together = 0ul;
-#if HAS_ANALYTIC || HAS_PLANE
+#if HAS_ANALYTIC || HAS_PLANE || HAS_INSTANCES
     p->prepared = 0ul;
 #endif
     for (uint k = 0u; k < 3u; k++) {
