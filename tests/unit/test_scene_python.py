@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 import raytide.scene as rt
 from raytide.errors import SceneError
@@ -231,12 +232,16 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.M
 
 def test_documented_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).resolve().parents[2] / "docs" / "scenes.md").read_text()
-    blocks = dict(re.findall(r"```(toml|python)\n(.*?)```", page, re.DOTALL))
+    blocks: dict[str, str] = {}
+    for language, text in re.findall(r"```(toml|python)\n(.*?)```", page, re.DOTALL):
+        blocks[language] = blocks.get(language, "") + text
     ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     ply += "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
     (tmp_path / "meshes").mkdir()
     for place in ("bunny.ply", "meshes/bunny.ply"):
         (tmp_path / place).write_text(ply)
+    for place in ("wood.jpg", "wear.png"):
+        Image.new("RGB", (4, 4), (128, 128, 128)).save(tmp_path / place)
     (tmp_path / "scene.toml").write_text(blocks["toml"])
     assert rt.load(tmp_path / "scene.toml").warnings() == []
     monkeypatch.chdir(tmp_path)
