@@ -73,4 +73,29 @@ static float3 relief_normal(const Geometry g, global const Material *m, const Su
     }
     return s->n;
 }
+
+// No relief here: rounding must not make one.
+static int is_level(const float3 n, const float3 level) { return n.x == level.x && n.y == level.y && n.z == level.z; }
+
+// A normal that faces away from a viewer who sees the level surface is turned half about the level normal.
+static float3 towards_viewer(const float3 n, const float3 level, const float3 wo)
+{
+    return is_level(n, level) || dot3(n, wo) * dot3(level, wo) > 0.0f ? n : 2.0f * dot3(n, level) * level - n;
+}
+
+// Shadow that the bumps which a turned normal stands for throw on each other: the masking of a GGX surface as rough as
+// they are (Estevez, Lecocq and Stein 2019, Ray Tracing Gems ch. 12). Without it light ends at a hard line.
+static float relief_roughening(const float3 n, const float3 level)
+{
+    const float cosine = dot3(n, level);
+    const float tangent2 = max_of(1.0f - cosine * cosine, 0.0f) / max_of(cosine * cosine, 1.0e-12f);
+    return is_level(n, level) ? 0.0f : min_of(0.125f * tangent2, 1.0f);
+}
+
+// Share of light that passes, for the cosine of its direction to the level normal.
+static float relief_shadow(const float roughening, const float cosine)
+{
+    const float cosine2 = max_of(cosine * cosine, 1.0e-12f);
+    return 2.0f / (1.0f + sqrt_of(1.0f + roughening * max_of(1.0f - cosine2, 0.0f) / cosine2));
+}
 #endif

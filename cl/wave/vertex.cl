@@ -21,6 +21,10 @@ typedef struct {
     Frame frame;    // shading frame on the viewer's side; of materials that light passes, on the front side
     float3 wo;      // towards the viewer, in the shading frame
     float3 normal;  // geometric, on the viewer's side
+#if HAS_RELIEF
+    float3 level;      // shading normal without relief
+    float roughening;  // of the relief's shadow
+#endif
     float cos_o;    // of the viewer's direction to the geometric front side
 #if HAS_TEXTURED
     Material material;  // its parameters at this point
@@ -67,7 +71,9 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     const int back = v.cos_o < 0.0f;
     v.normal = back ? -v.surface.ng : v.surface.ng;
 #if HAS_RELIEF
-    v.surface.n = relief_normal(g, material, &v.surface);
+    v.level = v.surface.n;
+    v.surface.n = towards_viewer(relief_normal(g, material, &v.surface), v.level, wo);
+    v.roughening = relief_roughening(v.surface.n, v.level);
 #endif
     float3 n = v.surface.n;
 #if HAS_TRANSMISSION
@@ -172,7 +178,10 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
         return out;
     }
-    const BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
+    BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
+#if HAS_RELIEF
+    bsdf.value = bsdf.value * relief_shadow(v->roughening, dot3(v->level, wi));
+#endif
     const float weight = light.delta || shadows_alone(settings) ? 1.0f : power_heuristic(pdf, bsdf.pdf);
     out.light = throughput * bsdf.value * light.radiance * (weight / pdf);
     const float3 origin = spawn_origin(&v->surface, wi);
@@ -205,7 +214,12 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     if (!wanted) {
         return out;
     }
+#if HAS_RELIEF
+    const float passing = (bsdf.flags & BSDF_TRANSMIT) ? 1.0f : relief_shadow(v->roughening, dot3(v->level, wi));
+    float3 onward = throughput * bsdf.weight * passing;
+#else
     float3 onward = throughput * bsdf.weight;
+#endif
     const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
 #if !HAS_LOCAL
     if (settings->roulette_start != 0u && edge >= settings->roulette_start) {

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 import raytide.scene as rt
 from raytide.errors import SceneError
@@ -239,6 +240,8 @@ def test_documented_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "meshes").mkdir()
     for place in ("bunny.ply", "meshes/bunny.ply"):
         (tmp_path / place).write_text(ply)
+    for place in ("wood.jpg", "wear.png"):
+        Image.new("RGB", (4, 4), (128, 128, 128)).save(tmp_path / place)
     (tmp_path / "scene.toml").write_text(blocks["toml"])
     assert rt.load(tmp_path / "scene.toml").warnings() == []
     monkeypatch.chdir(tmp_path)
