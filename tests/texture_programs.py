@@ -107,15 +107,18 @@ class SkySamples:
 class Sky:
     """A picture of the sky (h, w, 3) float32 on a device."""
 
-    def __init__(self, device: Any, texels: np.ndarray, turn: np.ndarray | None = None) -> None:
+    def __init__(
+        self, device: Any, texels: np.ndarray, turn: np.ndarray | None = None, beyond: float = 0.0
+    ) -> None:
         self.device = device
         words = np.ascontiguousarray(texels, np.float32).view(np.uint32).ravel()
         self.table = bitmap_record(*texels.shape[:2])
         self.table["patches"] = len(words)
-        self.words = np.concatenate([words, sky_shares(texels)])
+        self.words = np.concatenate([words, sky_shares(texels, beyond)])
         self.light = np.zeros(1, RECORDS["Light"].dtype)
         self.light["kind"], self.light["alias"] = kind_number("light", "environment_map"), NONE
         self.light["radiance"][0, :3] = 1.0
+        self.light["direction"][0, 3] = beyond
         for member, axis in zip(("position", "direction", "extra"), np.eye(3) if turn is None else turn, strict=True):
             self.light[member][0, :3] = axis
 

@@ -14,6 +14,7 @@ from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
 from raytide.render.sky import sky_shares
 from raytide.scene.flatten import FlatScene
+from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.materials import Material
 from raytide.scene.painted import FlatTextures
 from raytide.scene.texture_check import range_of
@@ -60,7 +61,8 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
             raw = getattr(textures.models[name], "raw", False)
             _add_texels(row, textures.texels[name], words, raw)
     if textures.sky is not None:
-        _add_sky(table[-1], textures.sky, words)
+        beyond = next((beyond_poles(light, textures.sky) for light in flat.lights if light.kernel == "environment_map"), 0.0)
+        _add_sky(table[-1], textures.sky, words, beyond)
     used = {thing.material for thing in flat.objects}
     slots = _slots([flat.materials[i] if i in used else None for i in range(len(flat.materials))], names, materials)
     read = features.textures
@@ -126,12 +128,18 @@ def _add_texels(row: np.ndarray, texels: np.ndarray, words: list[np.ndarray], ra
         words.append(np.ascontiguousarray(texels, np.float32).view(np.uint32).ravel())
 
 
-def _add_sky(row: np.ndarray, texels: np.ndarray, words: list[np.ndarray]) -> None:
+def _add_sky(row: np.ndarray, texels: np.ndarray, words: list[np.ndarray], beyond: float) -> None:
     """Texels and the distribution of patches. Negative values become 0."""
     linear = sky_radiance(texels)
     _add_texels(row, linear, words, raw=False)
     row["patches"] = sum(len(part) for part in words)
-    words.append(sky_shares(linear))
+    words.append(sky_shares(linear, beyond))
+
+
+def beyond_poles(light: Light, texels: np.ndarray) -> float:
+    """Share of the sky's picture (h, w, 3) that lies beyond its poles; a picture of one row has none beyond."""
+    rows = isinstance(light, EnvironmentLight) and light.poles == "rows" and len(texels) > 1
+    return 1.0 / len(texels) if rows else 0.0
 
 
 def sky_radiance(texels: np.ndarray) -> np.ndarray:

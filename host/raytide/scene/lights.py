@@ -82,6 +82,9 @@ class EnvironmentLight(Light):
     radiance: Emission | None = key(None, unit="W/(sr m^2)", doc="radiance from all around")
     file: str | None = key(None, doc="EXR, HDR, PNG or JPEG file, latitude and longitude, the top at +y")
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
+    poles: Literal["edges", "rows"] = key(
+        "edges", doc="where the poles of a picture lie: on its edges, or in the middle of its first and last row"
+    )
     transform: Annotated[list[Step], Kind("a list of steps that turn the picture")] = Field(
         default_factory=list, description="steps applied in order; together a rotation"
     )

@@ -126,6 +126,8 @@ class Textures:
             owner.lacks("the emitter 'envmap'", "constant")
             return None
         table: Table = {"type": "environment", "file": self.build.name_of_file(path)}
+        if self.build.has("lights", "environment", "poles"):
+            table["poles"] = "rows"
         if scale != 1:
             table["scale"] = scale
         if uniform_scale(matrix, 1e-3) is None:
