@@ -120,13 +120,13 @@ static float3 emission_seen(global const Light *lights, const Geometry g, global
                             const PathVertex v, const Ray ray, const Hit hit, const uint path_edges,
                             const float4 state)
 {
-#if HAS_EMISSIVE
-    if (material_of(&v)->kind != MATERIAL_EMISSIVE) {
+#if HAS_EMITTER
+    global const Object *object = objects + v.surface.object;
+    if (object->light == NONE) {
         return (float3)(0.0f);
     }
-    const float3 emitted = material_emit(material_of(&v), v.cos_o);
-    global const Object *object = objects + v.surface.object;
     const uint index = object->light + (hit.prim - object->first);
+    const float3 emitted = emitter_seen(lights + index, g, &v.surface, v.cos_o);
     const float3 wi = renormalize3(xyz(ray.direction));
     const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
     return xyz(state) * emitted * chance_weight(path_edges, state.w, pdf);

@@ -48,6 +48,7 @@ class Features:
     sobol: bool = True  # else plain random numbers
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
+    one_sided: bool = False  # any material that names whether its back is like its front
     tangents: bool = False  # any material that differs along the surface's two directions
     counters: bool = False  # instrumented build
 

@@ -155,7 +155,7 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS, MATERIAL_ONE_SIDED"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
         *[

@@ -15,7 +15,7 @@ from raytide.kernels.records import RECORDS
 from raytide.render.sky import sky_shares
 from raytide.scene.flatten import FlatScene
 from raytide.scene.lights import EnvironmentLight, Light
-from raytide.scene.materials import Material
+from raytide.scene.materials import Material, layers_of
 from raytide.scene.painted import FlatTextures
 from raytide.scene.texture_check import range_of
 from raytide.scene.textures import Bitmap, Checkerboard, Constant, MeshAttribute, Texture
@@ -61,9 +61,10 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
             raw = getattr(textures.models[name], "raw", False)
             _add_texels(row, textures.texels[name], words, raw)
     if textures.sky is not None:
-        beyond = next((beyond_poles(light, textures.sky) for light in flat.lights if light.kernel == "environment_map"), 0.0)
+        skies = [light for light in flat.lights if light.kernel == "environment_map"]
+        beyond = beyond_poles(skies[0], textures.sky) if skies else 0.0
         _add_sky(table[-1], textures.sky, words, beyond)
-    used = {thing.material for thing in flat.objects}
+    used = {flat.material_names.index(name) for thing in flat.objects for name in _layers(flat, thing.material)}
     slots = _slots([flat.materials[i] if i in used else None for i in range(len(flat.materials))], names, materials)
     read = features.textures
     return PackedTextures(
@@ -77,6 +78,10 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
         means={name: _mean(model, textures.texels.get(name)) for name, model in textures.models.items()},
         first_slots=materials["first_slot"],
     )
+
+
+def _layers(flat: FlatScene, material: int) -> tuple[str, ...]:
+    return layers_of(dict(zip(flat.material_names, flat.materials, strict=True)), flat.material_names[material])
 
 
 def _tables() -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.lights import EnvironmentLight, Light
-from raytide.scene.materials import Emissive, Material
+from raytide.scene.materials import Emissive, Material, layers_of
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh, Shape
 from raytide.scene.texture_check import texture_problems, texture_warnings
@@ -30,7 +30,8 @@ def scene_problems(scene: Scene) -> list[Problem]:
     ]
     if strangers:
         return strangers
-    found = object_problems(scene, list(scene.materials)) + light_problems(scene)
+    found = base_problems(scene, list(scene.materials)) + object_problems(scene, list(scene.materials))
+    found += light_problems(scene)
     return found + texture_problems(scene, list(scene.textures))
 
 
@@ -39,6 +40,20 @@ def light_problems(scene: Scene) -> list[Problem]:
     skies = [name for name, light in scene.lights.items() if isinstance(light, EnvironmentLight)]
     came = f"an environment beside {ascii(skies[0])}" if skies else ""
     return [Problem(path_words(("lights", name)), came, "at most one environment") for name in skies[1:]]
+
+
+def base_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:
+    """Materials that shine over a base that is none; `material_names` as for objects."""
+    problems = []
+    for name, material in scene.materials.items():
+        base = material.base if isinstance(material, Emissive) else None
+        others = [other for other in material_names if not isinstance(scene.materials.get(other), Emissive)]
+        if base is not None and base not in others:
+            shines = base in material_names
+            came = f"{ascii(base)}, which shines itself" if shines else f"the unknown material {ascii(base)}"
+            hint = None if shines else nearest(base, others)
+            problems.append(Problem(path_words(("materials", name, "base")), came, list_words(others), hint=hint))
+    return problems
 
 
 def object_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:
@@ -104,11 +119,11 @@ def _mesh_problems(scene: Scene, name: str, shape: Mesh) -> list[Problem]:
 
 def scene_warnings(scene: Scene) -> list[str]:
     """What looks wrong but does not stop a render."""
-    used = {shape.material for shape in scene.objects.values()}
+    used = {name for shape in scene.objects.values() for name in layers_of(scene.materials, shape.material)}
     found = [*scene.notes, *(f"materials.{name}: no object uses it" for name in scene.materials if name not in used)]
     for name, shape in scene.objects.items():
         if isinstance(shape, Mesh):
             found += [f"objects.{name}: {words}" for words in scene.mesh_data(shape).warnings]
-    if not scene.lights and not any(isinstance(scene.materials.get(name or ""), Emissive) for name in used):
+    if not scene.lights and not any(isinstance(scene.materials.get(name), Emissive) for name in used):
         found.append("the scene has no light: every picture of it is black")
     return found + texture_warnings(scene)

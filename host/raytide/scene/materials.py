@@ -5,7 +5,7 @@ To add one, write its class here and its `cl/material/NAME.cl`; PARAMETERS is th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -20,7 +20,7 @@ Distribution = Literal["ggx", "beckmann"]
 Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
 
 
-SWITCHES = ("beckmann", "tangents", "transmission")  # of kernels/features.py, that materials turn on
+SWITCHES = ("beckmann", "one_sided", "tangents", "transmission")  # of kernels/features.py, that materials turn on
 
 
 class Material(Table):
@@ -29,6 +29,7 @@ class Material(Table):
     PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = ()
     TRANSMITS: ClassVar[bool] = False  # light passes: the kernels then tell the front from the back
     type: str
+    two_sided: Flag = key(True, doc="whether the back is like the front; else it is black (clear materials have both)")
 
     @classmethod
     def __pydantic_init_subclass__(cls, **unused: Any) -> None:
@@ -39,7 +40,14 @@ class Material(Table):
 
     def switches(self) -> frozenset[str]:
         """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""
-        return frozenset({"transmission"} if self.TRANSMITS else ())
+        back = "one_sided" if "two_sided" in self.model_fields_set and not isinstance(self, Emissive) else ""
+        return frozenset(name for name in ("transmission" if self.TRANSMITS else "", back) if name)
+
+    @model_validator(mode="after")
+    def _has_a_back(self) -> Self:
+        if self.TRANSMITS and not self.two_sided:
+            raise ValueError("came two_sided = false; wanted true: light passes through this material")
+        return self
 
     def parameters(self) -> list[tuple[str, tuple[float, ...]]]:
         """What the device gets, in PARAMETERS order: a colour as 3 floats, a number as 1."""
@@ -59,7 +67,7 @@ class Material(Table):
 
 
 class Emissive(Material):
-    """A surface that shines on the side of its normal and reflects nothing."""
+    """A surface that shines on the side of its normal; it reflects nothing unless it has a base."""
 
     PARAMETERS = (("radiance", 3), ("two_sided", 1))
     FIRST: ClassVar[str] = "radiance"
@@ -67,6 +75,7 @@ class Emissive(Material):
     radiance: Emission = key(unit="W/(sr m^2)", doc="radiance, the same in all directions")
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
     two_sided: Flag = key(False, doc="whether the back shines too")
+    base: str | None = key(None, doc="name of the material whose reflection and transmission the surface has, too")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -232,3 +241,10 @@ def _kinds(base: type[Material]) -> Iterator[type[Material]]:
 
 
 MATERIALS: dict[str, type[Material]] = {kind.model_fields["type"].default: kind for kind in _kinds(Material)}
+
+
+def layers_of(materials: Mapping[str, Material], name: str | None) -> tuple[str, ...]:
+    """The names of the materials that an object of material `name` needs: its own, and the base of one that shines."""
+    material = materials.get(name or "")
+    base = material.base if isinstance(material, Emissive) else None
+    return tuple(one for one in (name, base) if one is not None)

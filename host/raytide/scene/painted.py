@@ -9,6 +9,7 @@ import numpy as np
 
 from raytide.importers.meshdata import MeshData
 from raytide.scene.lights import EnvironmentLight
+from raytide.scene.materials import layers_of
 from raytide.scene.textures import Bitmap, Texture
 
 if TYPE_CHECKING:
@@ -51,8 +52,8 @@ class FlatTextures:
 
 def flat_textures(scene: Scene, meshes: list[Painted]) -> FlatTextures:
     """Textures that objects use, and what their meshes, in order, carry for them. Raises SceneError for a file."""
-    materials = (scene.materials[shape.material or ""] for shape in scene.objects.values())
-    used = sorted({name for material in materials for name in material.textures().values()})
+    layers = {name for shape in scene.objects.values() for name in layers_of(scene.materials, shape.material)}
+    used = sorted({name for layer in layers for name in scene.materials[layer].textures().values()})
     models = {name: scene.textures[name] for name in used}
     skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]
     sky = scene.picture(skies[0]).texels if skies else None
