@@ -168,10 +168,10 @@ def _by_trimesh(data: bytes, path: Path, vertex: _Element, face: _Element | None
         faces = found.get("faces")
         triangles = _fans(np.zeros((0, 3), np.int64) if faces is None else np.asarray(faces, np.int64))
         raw = found["metadata"]["_ply_raw"]
-        of_vertex = {name: np.asarray(raw["vertex"]["data"][name]) for name, _ in vertex.scalars if len(vertices)}
+        of_vertex = {name: np.ravel(raw["vertex"]["data"][name]) for name, _ in vertex.scalars if len(vertices)}
         whole = face is not None and len(triangles) == face.count > 0  # each face has one triangle
         scalars = face.scalars if face is not None and whole else []
-        of_face = {name: np.asarray(raw["face"]["data"][name]) for name, _ in scalars}
+        of_face = {name: np.ravel(raw["face"]["data"][name]) for name, _ in scalars}
     except Exception as error:  # a third-party parser on a broken file may raise anything
         came = f"a PLY body that cannot be read ({type(error).__name__}: {str(error)[:80]})"
         raise refuse(came, "a whole PLY file", path) from None
