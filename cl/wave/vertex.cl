@@ -7,9 +7,7 @@
 #include "accel/geometry.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
-#if HAS_TANGENTS
 #include "accel/tangent.cl"
-#endif
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"

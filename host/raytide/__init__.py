@@ -16,9 +16,9 @@ from typing import Any
 
 _HOMES = {
     "raytide.scene": (
-        "Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Mesh Mirror Orthographic Plane Rectangle "
-        "RenderSettings RoughConductor RoughDielectric Scene Sphere ThinDielectric ThinLens box directional disk load "
-        "mesh plane point rect sky sphere spot"
+        "Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Mesh Mirror Orthographic Plane Plastic "
+        "Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere ThinDielectric "
+        "ThinFilm ThinLens box directional disk load mesh plane point rect sky sphere spot"
     ),
     "raytide.device": "list_devices pick",
     "raytide.render": "Film Renderer",

@@ -135,7 +135,7 @@ def _materials(flat: FlatScene) -> np.ndarray:
     materials = np.zeros(len(flat.materials), RECORDS["Material"].dtype)
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
-        row["flags"] = TRANSMITS if model.TRANSMITS else 0
+        row["flags"] = TRANSMITS if model.transmits else 0
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x
