@@ -8,9 +8,7 @@
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
 #include "accel/textured.cl"
-#if HAS_TANGENTS
 #include "accel/tangent.cl"
-#endif
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"

@@ -153,7 +153,7 @@ def _materials(flat: FlatScene) -> np.ndarray:
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
         one_sided = not model.two_sided and model.type != "emissive"
-        row["flags"] = (TRANSMITS if model.TRANSMITS else 0) | (ONE_SIDED if one_sided else 0)
+        row["flags"] = (TRANSMITS if model.transmits else 0) | (ONE_SIDED if one_sided else 0)
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x
