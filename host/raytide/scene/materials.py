@@ -339,7 +339,7 @@ class Principled(Material):
 
     def switches(self) -> frozenset[str]:
         names = {"spec_trans": "transmission", "anisotropic": "tangents"}
-        return frozenset(names[given] for given in self.model_fields_set & set(names))
+        return super().switches() | {names[given] for given in self.model_fields_set & set(names)}
 
     def parameter(self, name: str) -> Any:
         if name != "eta":
@@ -379,7 +379,7 @@ class ThinFilm(Material):
         return self.ior is not None
 
     def switches(self) -> frozenset[str]:
-        return frozenset({"transmission"} if "ior" in self.model_fields_set else ())
+        return super().switches() | ({"transmission"} if "ior" in self.model_fields_set else set())
 
     def parameter(self, name: str) -> Any:
         if name == "ior":
