@@ -67,7 +67,7 @@ class Features:
         on["lights"] = bool(self.lights)
         on["sky"] = any(light in SKIES for light in self.lights)
         on["textured"] = bool(self.textures)  # materials
-        on["textures"] = on["textured"] or "environment_map" in self.lights  # buffers of texels
+        on["textures"] = on["textured"] or "environment_map" in self.lights or self.tangents  # buffers of texels and uv
         return dict(sorted(on.items()))
 
     def left_out(self) -> list[str]:

@@ -67,11 +67,12 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
     used = {flat.material_names.index(name) for thing in flat.objects for name in _layers(flat, thing.material)}
     slots = _slots([flat.materials[i] if i in used else None for i in range(len(flat.materials))], names, materials)
     read = features.textures
+    reads_uv = features.tangents or {"bitmap", "checkerboard"} & set(read)
     return PackedTextures(
         table=table,
         slots=slots,
         texels=np.concatenate(words) if words else np.zeros(0, np.uint32),
-        uvs=_rows(textures.uv, len(flat.vertices) if {"bitmap", "checkerboard"} & set(read) else 0, 2),
+        uvs=_rows(textures.uv, len(flat.vertices) if reads_uv else 0, 2),
         colors=_colors(textures, flat, "mesh_attribute" in read),
         face_colors=len(flat.vertices),
         sky=len(names),

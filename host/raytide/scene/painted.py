@@ -57,7 +57,8 @@ def flat_textures(scene: Scene, meshes: list[Painted]) -> FlatTextures:
     models = {name: scene.textures[name] for name in used}
     skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]
     sky = scene.picture(skies[0]).texels if skies else None
-    if not models:
+    stretched = any("tangents" in scene.materials[layer].switches() for layer in layers)
+    if not models and not stretched:
         return FlatTextures(sky=sky)
     return FlatTextures(
         models=models,
