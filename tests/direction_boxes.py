@@ -58,7 +58,7 @@ class Boxes:
 
     def _cut_cells(self, points: np.ndarray, low: np.ndarray, high: np.ndarray, above: bool) -> None:
         """Cuts a box further, for quadrature, and empty margins off its parts, so that no cell hides a peak."""
-        if len(points) <= 12:
+        if len(points) <= 24:
             low, high = low.copy(), high.copy()
             for axis in (0, 1) if len(points) else ():
                 first, last = points[:, axis].min(), points[:, axis].max()

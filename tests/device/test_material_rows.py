@@ -30,13 +30,13 @@ def viewers(case: Case, angles: tuple[float, ...]) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("case", LOBES)
 def test_samples_follow_their_density_and_weigh_value_over_density(device, case):
-    """Chi-square over boxes that follow the lobes; single directions count as samples outside of all boxes."""
+    """Chi-square over boxes that follow the lobes; the share of samples that have a density is its integral."""
     materials, model = Materials(device), Model.from_scene(case.material)
     for number, wo in enumerate(viewers(case, (0, 50, 85))):
         pilot, _, pdf, flags = materials.sample(model, wo, numbers(100 + number, 2**16))
         boxes = Boxes.around(pilot[(pdf > 0) & ~(flags & DELTA).astype(bool)])
         expected = boxes.integrate(lambda w, wo=wo: materials.eval(model, wo, w)[1].astype(float))
-        assert expected.min() >= 0 and expected.sum() <= 1 + 1e-4
+        assert expected.min() >= 0 and expected.sum() <= 1 + 1e-3
 
         wi, weight, pdf, flags = materials.sample(model, wo, numbers(200 + number, SAMPLES))
         assert np.isfinite(wi).all() and np.isfinite(weight).all() and np.isfinite(pdf).all()
@@ -45,9 +45,9 @@ def test_samples_follow_their_density_and_weigh_value_over_density(device, case)
         assert (weight[pdf <= 0] == 0).all()
         through = (flags[kept] & TRANSMIT) > 0
         assert np.array_equal(through, wi[kept, 2] * wo[2] < 0)
-        lost = max(1 - expected.sum(), 0.0)
-        seen = np.append(boxes.count(wi[kept]), SAMPLES - kept.sum())
-        z = chi_square_z(seen, SAMPLES * np.append(expected, lost))
+        share = kept.mean()
+        assert abs(expected.sum() - share) < 3e-3 + 5 * np.sqrt(share * (1 - share) / SAMPLES)
+        z = chi_square_z(boxes.count(wi[kept]), expected * (kept.sum() / expected.sum()))
         assert z < Z_ONE_IN_A_MILLION, (wo, z)
 
         some = np.flatnonzero(kept)[:50_000]
