@@ -7,7 +7,7 @@
 // Triangles have none: zero.
 static float3 tangent_of(const Geometry g, const Surface s)
 {
-    if (s.prim < g.triangle_count) {
+    if (s.prim < g.triangle_count || s.prim - g.triangle_count >= g.shape_count) {
         return (float3)(0.0f);
     }
     global const Shape *shape = g.shapes + (s.prim - g.triangle_count);
