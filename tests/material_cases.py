@@ -17,6 +17,7 @@ class Case:
     delta: bool = False  # single directions only
     symmetric: bool = True  # wo and wi may be exchanged
     gains: float = 0.0  # by how much it may return more than it gets: an artists' model that does so
+    near: float = 1e-4  # of lossless ones: how closely
     eta: float = 1.0  # index behind the surface / index before it
 
     @property
@@ -56,6 +57,11 @@ CASES: tuple[Case, ...] = (
     Case(rt.Conductor(**WHITE_METAL), delta=True, lossless=True),
     *_facets(rt.RoughConductor, COPPER),
     Case(rt.RoughConductor(**WHITE_METAL, roughness=0.001), lossless=True),
+    *(Case(rt.RoughConductor(**WHITE_METAL, roughness=alpha, compensation=True), lossless=True, near=3e-3)
+      for alpha in (0.1, 0.4, 1.0)),
+    Case(rt.RoughConductor(**WHITE_METAL, roughness=0.7, distribution="beckmann", compensation=True), lossless=True,
+         near=3e-3),
+    Case(rt.RoughConductor(**COPPER, roughness_u=0.2, roughness_v=0.5, compensation=True)),
     Case(rt.Dielectric(1.5), delta=True, lossless=True, eta=1.5),
     Case(rt.ThinDielectric(1.5), delta=True, lossless=True),
     Case(rt.ThinDielectric(2.0, specular_reflectance=0.5, specular_transmittance=(0.9, 0.5, 0.1)), delta=True),

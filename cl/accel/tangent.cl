@@ -32,6 +32,9 @@ static float3 tangent_of(const Geometry g, const Surface s)
         return (float3)(0.0f);
 #endif
     }
+    if (s.prim - g.triangle_count >= g.shape_count) {
+        return (float3)(0.0f);
+    }
     global const Shape *shape = g.shapes + (s.prim - g.triangle_count);
     const float3 u = xyz(shape->u);
     const float across = dot3(u, s.ng);

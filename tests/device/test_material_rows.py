@@ -66,19 +66,20 @@ def test_no_more_light_leaves_than_arrives(device, case):
         bend = case.eta if wo[2] > 0 else 1 / case.eta
         power = weight * np.where(flags & TRANSMIT, bend * bend, 1.0)[:, None]
         mean, error = power.mean(axis=0, dtype=float), power.std(axis=0, dtype=float) / 2**7.5
-        assert (mean <= 1 + case.gains + 4 * error + 1e-6).all() and (weight >= 0).all()
+        most = 1 + case.gains + (case.near if case.lossless else 0) + 1e-6
+        assert (mean <= most + 4 * error).all() and (weight >= 0).all()
 
 
 @pytest.mark.parametrize("case", LOSSLESS)
 def test_a_white_furnace_stays_white(device, case):
-    """Nothing is lost, up to masking at the narrowest roughness."""
+    """Nothing is lost, up to masking at the narrowest roughness, and to the fits of energy compensation."""
     materials, model = Materials(device), Model.from_scene(case.material)
     for number, wo in enumerate(viewers(case, (0, 45, 75))):
         _, weight, _, flags = materials.sample(model, wo, numbers(400 + number, 2**16))
         bend = case.eta if wo[2] > 0 else 1 / case.eta
         power = weight * np.where(flags & TRANSMIT, bend * bend, 1.0)[:, None]
         error = power.std(axis=0, dtype=float) / 2**8
-        assert (np.abs(power.mean(axis=0, dtype=float) - 1) <= 4 * error + 1e-4).all()
+        assert (np.abs(power.mean(axis=0, dtype=float) - 1) <= 4 * error + case.near).all()
 
 
 @pytest.mark.parametrize("case", [param for param in LOBES if param.values[0].symmetric])

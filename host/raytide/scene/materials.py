@@ -14,7 +14,7 @@ from pydantic import model_validator
 
 from raytide.scene.model import Table
 from raytide.scene.presets import CONDUCTORS
-from raytide.scene.rough_albedo import coat_fit, diffuse_reflectance
+from raytide.scene.rough_albedo import coat_fit, diffuse_reflectance, loss_fit, metal_diffuse_reflectance
 from raytide.scene.textured import allow_texture, texture_of
 from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, check_product, key
 
@@ -22,7 +22,7 @@ Distribution = Literal["ggx", "beckmann"]
 Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
 
 
-SWITCHES = ("beckmann", "one_sided", "tangents", "transmission")  # of kernels/features.py, that materials turn on
+SWITCHES = ("beckmann", "compensation", "one_sided", "tangents", "transmission")  # of features.py
 
 
 class Material(Table):
@@ -188,9 +188,30 @@ class RoughConductor(Metal, StretchedFacets):
 
     PARAMETERS = (
         ("eta", 3), ("k", 3), ("specular_reflectance", 3), ("roughness_u", 1), ("roughness_v", 1), ("beckmann", 1),
+        ("lost0", 4), ("lost4", 4), ("lost8", 4), ("lost_mean", 1), ("further", 3),
     )  # fmt: skip
     FIRST: ClassVar[str] = "preset"
     type: Literal["rough_conductor"] = "rough_conductor"
+    compensation: Flag = key(False, doc="whether light that meets further facets is given back, as a diffuse lobe")
+
+    def switches(self) -> frozenset[str]:
+        return super().switches() | ({"compensation"} if "compensation" in self.model_fields_set else set())
+
+    def parameter(self, name: str) -> Any:
+        if not name.startswith("lost") and name != "further":
+            return super().parameter(name)
+        if not self.compensation:
+            return (0.0,) * dict(self.PARAMETERS)[name]
+        alpha = math.sqrt(self.parameter("roughness_u") * self.parameter("roughness_v"))
+        coefficients, mean = loss_fit(alpha, self.distribution == "beckmann")
+        if name == "lost_mean":
+            return mean
+        if name == "further":  # Kulla and Conty 2017
+            once = [metal_diffuse_reflectance(*index) for index in zip(self.parameter("eta"), self.parameter("k"),
+                                                                       strict=True)]
+            return tuple(f * f * (1 - mean) / (1 - f * mean) for f in once)
+        first = int(name.removeprefix("lost"))
+        return coefficients[first : first + 4]
 
 
 class Boundary(Material):

@@ -13,6 +13,7 @@ import numpy as np
 
 DEGREE = 11
 _ROWS, _COLUMNS = 96, 96
+_ROOTS = (1 - np.cos(np.pi * (np.arange(48) + 0.5) / 48)) / 2  # roots of the cosines that fits go through
 
 
 def fresnel(cosine: np.ndarray, eta: float) -> np.ndarray:
@@ -21,6 +22,17 @@ def fresnel(cosine: np.ndarray, eta: float) -> np.ndarray:
     s = (cosine - inside) / (cosine + inside + 1e-300)
     p = (eta * eta * cosine - inside) / (eta * eta * cosine + inside + 1e-300)
     return np.where(eta * eta - 1 + cosine * cosine > 0, (s * s + p * p) / 2, 1.0)
+
+
+def metal_diffuse_reflectance(eta: float, k: float) -> float:
+    """Share of diffuse light that a smooth metal reflects."""
+    node, weight = np.polynomial.legendre.leggauss(64)
+    mu = (node + 1) / 2
+    index = complex(eta, k)
+    inside = np.sqrt(index**2 - 1 + mu * mu)
+    s = np.abs((mu - inside) / (mu + inside)) ** 2
+    p = np.abs((index**2 * mu - inside) / (index**2 * mu + inside)) ** 2
+    return float((weight * mu * (s + p) / 2).sum())
 
 
 def diffuse_reflectance(eta: float) -> float:
@@ -49,9 +61,11 @@ def _erf(x: np.ndarray) -> np.ndarray:
     return np.interp(x, knots, [math.erf(knot) for knot in knots])
 
 
-def rough_shares(cosines: np.ndarray, alpha: float, beckmann: bool, eta: float) -> tuple[np.ndarray, np.ndarray]:
+def rough_shares(
+    cosines: np.ndarray, alpha: float, beckmann: bool, eta: float = math.inf
+) -> tuple[np.ndarray, np.ndarray]:
     """Shares of light from each of `cosines` (n,) that facets between index 1 and index `eta` reflect once and let
-    through once; the rest meets another facet."""
+    through once; the rest meets another facet. Facets of infinite index reflect everything."""
     s = (np.arange(_ROWS) + 0.5) / _ROWS
     phi = 2 * np.pi * (np.arange(_COLUMNS) + 0.5) / _COLUMNS
     if beckmann:
@@ -66,7 +80,7 @@ def rough_shares(cosines: np.ndarray, alpha: float, beckmann: bool, eta: float) 
         facing = cosine > 0
         cosine = np.clip(cosine, 0, 1)
         weight = _masking(np.asarray(mu), alpha, beckmann) * cosine / (mu * z[:, None]) * share[:, None]
-        reflected = fresnel(cosine, eta)
+        reflected = fresnel(cosine, eta) if math.isfinite(eta) else np.ones_like(cosine)
         inside = np.sqrt(np.maximum(1 - (1 - cosine * cosine) / (eta * eta), 0.0))
         up = 2 * cosine * z[:, None] - mu
         down = inside * z[:, None] - (cosine * z[:, None] - mu) / eta  # depth of the refracted direction
@@ -81,12 +95,26 @@ def rough_shares(cosines: np.ndarray, alpha: float, beckmann: bool, eta: float) 
 def coat_fit(alpha: float, beckmann: bool, eta: float) -> tuple[tuple[float, ...], float]:
     """DEGREE + 1 coefficients in 2 sqrt(mu) - 1 of what is let through from outside, and the share of diffuse light
     from inside that is reflected back."""
-    x = (1 - np.cos(np.pi * (np.arange(48) + 0.5) / 48)) / 2
-    _, transmitted = rough_shares(x * x, alpha, beckmann, eta)
-    outside = np.polynomial.chebyshev.Chebyshev.fit(x, transmitted, DEGREE, [0, 1])
-    coefficients = np.zeros(DEGREE + 1)
-    found = np.polynomial.chebyshev.cheb2poly(outside.coef)
-    coefficients[: len(found)] = found
+    _, transmitted = rough_shares(_ROOTS**2, alpha, beckmann, eta)
     node, weight = np.polynomial.legendre.leggauss(48)
     inside, _ = rough_shares((node + 1) / 2, alpha, beckmann, 1 / eta)
-    return tuple(float(x) for x in coefficients), float((weight * inside * (node + 1) / 2).sum())
+    return _fitted(transmitted), float((weight * inside * (node + 1) / 2).sum())
+
+
+@cache
+def loss_fit(alpha: float, beckmann: bool) -> tuple[tuple[float, ...], float]:
+    """DEGREE + 1 coefficients in 2 sqrt(mu) - 1 of what facets that reflect everything lose to further facets, and its
+    mean over diffuse light."""
+    lost = 1 - rough_shares(_ROOTS**2, alpha, beckmann)[0]
+    coefficients = _fitted(lost)
+    node, weight = np.polynomial.legendre.leggauss(48)
+    mu = (node + 1) / 2
+    fitted = np.polynomial.polynomial.polyval(2 * np.sqrt(mu) - 1, coefficients)
+    return coefficients, float((weight * fitted * mu).sum())
+
+
+def _fitted(values: np.ndarray) -> tuple[float, ...]:
+    """Coefficients in 2 x - 1 of a polynomial through values at _ROOTS, least squares."""
+    fit = np.polynomial.chebyshev.Chebyshev.fit(_ROOTS, values, DEGREE, [0, 1])
+    found = np.polynomial.chebyshev.cheb2poly(fit.coef)
+    return tuple(float(x) for x in np.pad(found, (0, DEGREE + 1 - len(found))))
