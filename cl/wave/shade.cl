@@ -51,12 +51,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
-#if HAS_EMITTER
-    const int glows = objects[vertex.surface.object].light != NONE;
-#else
-    const int glows = 0;
-#endif
-    if (glows || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
+    if (is_light(objects, &vertex) || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
         samples[path.x] += make4(emission_seen(lights, g, objects, vertex, ray, hit, path.y, state), 1.0f);
     }
 #if HAS_LOCAL
@@ -64,14 +59,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #else
     const int last = edge >= settings->max_depth;
 #endif
-    if (last || material_of(&vertex)->kind == MATERIAL_EMISSIVE) {
+    if (last || is_black(&vertex)) {
         return;
     }
-#if HAS_ONE_SIDED
-    if (vertex.cos_o < 0.0f && (material_of(&vertex)->flags & MATERIAL_ONE_SIDED)) {
-        return;
-    }
-#endif
     const Sampler sampler = sampler_of(settings->seed, path.z, path.w);
     uint next = 0u;
 #if HAS_LIGHTS

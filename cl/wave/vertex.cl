@@ -82,6 +82,27 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     return v;
 }
 
+// Whether the surface shines.
+static int is_light(global const Object *objects, const PathVertex *v)
+{
+#if HAS_EMITTER
+    return objects[v->surface.object].light != NONE;
+#else
+    return 0;
+#endif
+}
+
+// Whether the side that the viewer sees scatters nothing.
+static int is_black(const PathVertex *v)
+{
+#if HAS_ONE_SIDED
+    if (v->cos_o < 0.0f && (material_of(v)->flags & MATERIAL_ONE_SIDED)) {
+        return 1;
+    }
+#endif
+    return material_of(v)->kind == MATERIAL_EMISSIVE;
+}
+
 // Weight of light met by chance: full where no light sampling competes.
 static float chance_weight(const uint path_edges, const float pdf, const float light_pdf)
 {
