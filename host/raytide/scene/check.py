@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
+from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight, Light
-from raytide.scene.materials import Emissive, Material, layers_of
+from raytide.scene.materials import Emissive, Material
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh, Shape
 from raytide.scene.texture_check import texture_problems, texture_warnings

@@ -6,7 +6,7 @@ To add one, write its class here and its `cl/material/NAME.cl`; PARAMETERS is th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -420,10 +420,3 @@ def _kinds(base: type[Material]) -> Iterator[type[Material]]:
 
 
 MATERIALS: dict[str, type[Material]] = {kind.model_fields["type"].default: kind for kind in _kinds(Material)}
-
-
-def layers_of(materials: Mapping[str, Material], name: str | None) -> tuple[str, ...]:
-    """The names of the materials that an object of material `name` needs: its own, and the base of one that shines."""
-    material = materials.get(name or "")
-    base = material.base if isinstance(material, Emissive) else None
-    return tuple(one for one in (name, base) if one is not None)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytide.importers.meshdata import MeshData
+from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight
-from raytide.scene.materials import layers_of
 from raytide.scene.textures import Bitmap, Texture
 
 if TYPE_CHECKING:

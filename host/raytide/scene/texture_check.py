@@ -9,8 +9,9 @@ import numpy as np
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import bounds_of, list_words, nearest, option_of
+from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight
-from raytide.scene.materials import Material, layers_of
+from raytide.scene.materials import Material
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh
 from raytide.scene.textures import Bitmap, Checkerboard, Constant, MeshAttribute, Texture
