@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/vector.cl"
 #include "accel/geometry.cl"
+#include "accel/stored.cl"
 #include "accel/textured.cl"
 // Shading normals from pictures of normals or of heights (Blinn 1978). What they may not do is kept elsewhere: light
 // goes by the geometric side of a surface, so that none leaks through.
@@ -10,8 +11,9 @@
 static void surface_tangents(const Geometry g, const Surface *s, float3 *along_u, float3 *along_v)
 {
 #if HAS_TRIANGLES
-    if (s->prim < g.triangle_count) {
-        const uint4 corner = g.triangles[s->prim].v;
+    const uint stored = stored_triangle(g, s->prim);
+    if (stored != NONE) {
+        const uint4 corner = g.triangles[stored].v;
         const float3 first = xyz(g.vertices[corner.x].p);
         const float3 e1 = xyz(g.vertices[corner.y].p) - first;
         const float3 e2 = xyz(g.vertices[corner.z].p) - first;
@@ -20,8 +22,8 @@ static void surface_tangents(const Geometry g, const Surface *s, float3 *along_u
         const float2 d2 = g.textures.uvs[corner.z] - uv;
         const float determinant = difference_of_products(d1.x, d2.y, d1.y, d2.x);
         const float inverse = determinant != 0.0f ? 1.0f / determinant : 0.0f;
-        *along_u = (e1 * d2.y - e2 * d1.y) * inverse;
-        *along_v = (e2 * d1.x - e1 * d2.x) * inverse;
+        *along_u = stored_to_world(g, s->prim, (e1 * d2.y - e2 * d1.y) * inverse);
+        *along_v = stored_to_world(g, s->prim, (e2 * d1.x - e1 * d2.x) * inverse);
         return;
     }
 #endif

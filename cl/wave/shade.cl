@@ -51,8 +51,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
-    const int glows = material_of(&vertex)->kind == MATERIAL_EMISSIVE;
-    if (glows || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
+    if (is_light(objects, &vertex) || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
         samples[path.x] += make4(emission_seen(lights, settings, g, objects, vertex, ray, hit, path.y, state), 1.0f);
     }
 #if HAS_LOCAL
@@ -60,7 +59,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #else
     const int last = edge >= settings->max_depth;
 #endif
-    if (last || glows) {
+    if (last || is_black(&vertex)) {
         return;
     }
     const Sampler sampler = sampler_of(settings->seed, path.z, path.w);

@@ -9,9 +9,7 @@
 #include "accel/spawn.cl"
 #include "accel/relief.cl"
 #include "accel/textured.cl"
-#if HAS_TANGENTS
 #include "accel/tangent.cl"
-#endif
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
@@ -94,6 +92,27 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     return v;
 }
 
+// Whether the surface shines.
+static int is_light(global const Object *objects, const PathVertex *v)
+{
+#if HAS_EMITTER
+    return objects[v->surface.object].light != NONE;
+#else
+    return 0;
+#endif
+}
+
+// Whether the side that the viewer sees scatters nothing.
+static int is_black(const PathVertex *v)
+{
+#if HAS_ONE_SIDED
+    if (v->cos_o < 0.0f && (material_of(v)->flags & MATERIAL_ONE_SIDED)) {
+        return 1;
+    }
+#endif
+    return material_of(v)->kind == MATERIAL_EMISSIVE;
+}
+
 // Whether light straight from its source is left to shadow rays: where an object stops these but not rays that scatter,
 // or the reverse, the two techniques would not see the same light, and no weights could join them.
 static int shadows_alone(global const Settings *settings)
@@ -143,13 +162,13 @@ static float3 emission_seen(global const Light *lights, global const Settings *s
                             global const Object *objects, const PathVertex v, const Ray ray, const Hit hit,
                             const uint path_edges, const float4 state)
 {
-#if HAS_EMISSIVE
-    if (material_of(&v)->kind != MATERIAL_EMISSIVE) {
+#if HAS_EMITTER
+    global const Object *object = objects + v.surface.object;
+    if (object->light == NONE) {
         return (float3)(0.0f);
     }
-    const float3 emitted = material_emit(material_of(&v), v.cos_o);
-    global const Object *object = objects + v.surface.object;
     const uint index = object->light + (hit.prim - object->first);
+    const float3 emitted = emitter_seen(lights + index, g, &v.surface, v.cos_o);
     const float3 wi = renormalize3(xyz(ray.direction));
     const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
     return xyz(state) * emitted * chance_weight(settings, path_edges, state.w, pdf);

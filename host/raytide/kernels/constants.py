@@ -8,6 +8,7 @@ PARTITION_CHUNK = 1024  # queue items that one work-item of the compaction count
 EDGE_BINS = 16  # path edges 1..15 are counted apart, 16 and more together
 COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
+ONE_SIDED = 2  # flag of a material record: the back is black
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
@@ -28,6 +29,7 @@ _UNSIGNED = {
     "SLOT_NORMALS": SLOT_NORMALS,
     "SLOT_HEIGHTS": SLOT_HEIGHTS,
     **{f"WRAP_{name.upper()}": place for place, name in enumerate(WRAPS)},
+    "MATERIAL_ONE_SIDED": ONE_SIDED,
     "MATERIAL_TRANSMITS": TRANSMITS,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},

@@ -184,7 +184,7 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS, MATERIAL_ONE_SIDED"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
         *[
@@ -199,7 +199,7 @@ _TABLE = (
         ("uint", "alias", "", "light picked where u exceeds the threshold"),
         ("float", "threshold", "", "share of this slot that stays with this light"),
         ("float4", "position", "m", "xyz; w = probability of being picked"),
-        ("float4", "direction", "", "unit; the way the light travels; emitting triangle: its normal"),
+        ("float4", "direction", "", "unit; the way the light travels; triangle: its normal; sky: w = beyond its poles"),
         ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance; w = bits of a slot"),
         ("float4", "extra", "", "spot: cosines, angles of cutoff, fall-off; emitter: x two-sided, y area, z never met"),
     ),
