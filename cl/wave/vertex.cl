@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 // What happens at one vertex of a path: emission met, light sampled, next direction. Included by wave/shade.cl.
 #include "base/portable.cl"
+#include "base/special.cl"
 #include "base/vector.cl"
 #include "base/frame.cl"
 #include "base/mis.cl"
@@ -19,6 +20,9 @@ typedef struct {
     float3 normal;  // geometric, on the viewer's side
     float cos_o;    // of the viewer's direction to the geometric front side
     global const Material *material;
+    uint number;    // of the material
+    uint medium;    // absorbing material that the path came through: its number + 1; 0: none
+    float4 state;   // throughput here; w = pdf of the direction that led here
 } PathVertex;
 
 typedef struct {
@@ -30,16 +34,45 @@ typedef struct {
 typedef struct {
     Ray ray;
     float4 state;  // throughput; w = pdf of the direction
+    uint medium;
     int delta;
     int valid;
 } NextRay;
 
+// Absorption (Beer 1852) over a distance in the medium of that number.
+static float3 absorbed(global const Material *materials, const uint medium, const float distance)
+{
+#if HAS_ABSORPTION
+    const float3 depth = medium ? xyz(materials[medium - 1u].absorption) * distance : (float3)(0.0f);
+    return (float3)(exp_of(-depth.x), exp_of(-depth.y), exp_of(-depth.z));
+#else
+    return (float3)(1.0f);
+#endif
+}
+
+// Medium of a ray that leaves: only surfaces of absorbing materials change it, by the side (wi_z > 0: front).
+static uint medium_ahead(const PathVertex *v, const float wi_z)
+{
+#if HAS_ABSORPTION
+    return (v->material->flags & MATERIAL_ABSORBS) ? (wi_z < 0.0f ? v->number + 1u : 0u) : v->medium;
+#else
+    return 0u;
+#endif
+}
+
 static PathVertex vertex_of(const Geometry g, global const Object *objects, global const Material *materials,
-                            const Ray ray, const Hit hit)
+                            const Ray ray, const Hit hit, const uint path_word, const float4 state)
 {
     PathVertex v;
+    v.medium = 0u;
+    v.state = state;
+#if HAS_ABSORPTION
+    v.medium = (path_word >> PATH_MEDIUM_SHIFT) & MOST_MEDIA;
+    v.state = make4(xyz(state) * absorbed(materials, v.medium, hit.t * length3(xyz(ray.direction))), state.w);
+#endif
     v.surface = surface_of(g, ray, hit);
-    v.material = materials + objects[v.surface.object].material;
+    v.number = objects[v.surface.object].material;
+    v.material = materials + v.number;
     const float3 wo = -renormalize3(xyz(ray.direction));
     v.cos_o = dot3(wo, v.surface.ng);
     const int back = v.cos_o < 0.0f;
@@ -96,8 +129,7 @@ static float3 environment_seen(global const Light *lights, global const Settings
 #endif
 
 static float3 emission_seen(global const Light *lights, const Geometry g, global const Object *objects,
-                            const PathVertex v, const Ray ray, const Hit hit, const uint path_edges,
-                            const float4 state)
+                            const PathVertex v, const Ray ray, const Hit hit, const uint path_edges)
 {
 #if HAS_EMISSIVE
     if (v.material->kind != MATERIAL_EMISSIVE) {
@@ -108,7 +140,7 @@ static float3 emission_seen(global const Light *lights, const Geometry g, global
     const uint index = object->light + (hit.prim - object->first);
     const float3 wi = renormalize3(xyz(ray.direction));
     const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
-    return xyz(state) * emitted * chance_weight(path_edges, state.w, pdf);
+    return xyz(v.state) * emitted * chance_weight(path_edges, v.state.w, pdf);
 #else
     return (float3)(0.0f);
 #endif
@@ -116,7 +148,7 @@ static float3 emission_seen(global const Light *lights, const Geometry g, global
 
 // Shadow ray to one light picked by power. The target is exact in the ray: origin plus direction is the light's point.
 static ShadowRay sample_direct(global const Light *lights, global const Settings *settings, const Geometry g,
-                               const PathVertex *v, const float3 throughput, const float4 u)
+                               global const Material *materials, const PathVertex *v, const float4 u)
 {
     ShadowRay out;
     out.valid = 0;
@@ -140,7 +172,11 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
 #else
     const float weight = light.delta ? 1.0f : power_heuristic(pdf, bsdf.pdf);
 #endif
-    out.light = throughput * bsdf.value * light.radiance * (weight / pdf);
+    out.light = xyz(v->state) * bsdf.value * light.radiance * (weight / pdf);
+#if HAS_ABSORPTION
+    const float distance = light.infinite ? 1.0e30f : sqrt_of(dot3(light.to, light.to));
+    out.light = out.light * absorbed(materials, medium_ahead(v, wi_local.z), distance);
+#endif
     const float3 origin = spawn_origin(&v->surface, wi);
     out.ray.origin = make4(origin, float_of(v->surface.prim));
     out.ray.direction = light.infinite ? make4(wi, T_MAX_FREE) : make4(light.to - (origin - v->surface.p), 1.0f);
@@ -150,8 +186,7 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
 }
 
 // Next direction by the material, then Russian roulette on the throughput (survivors weigh more).
-static NextRay sample_onward(global const Settings *settings, const PathVertex *v, const float3 throughput,
-                             const uint edge, const float4 u)
+static NextRay sample_onward(global const Settings *settings, const PathVertex *v, const uint edge, const float4 u)
 {
     NextRay out;
     out.valid = 0;
@@ -162,6 +197,7 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
     const int passes = (bsdf.flags & BSDF_TRANSMIT) ? side < 0.0f : side > 0.0f;
+    out.medium = medium_ahead(v, bsdf.wi.z);
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;
 #if HAS_LOCAL
     const int wanted = passes && out.delta && edge <= settings->reflection_depth;
@@ -171,7 +207,7 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     if (!wanted) {
         return out;
     }
-    float3 onward = throughput * bsdf.weight;
+    float3 onward = xyz(v->state) * bsdf.weight;
     const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
 #if !HAS_LOCAL
     if (settings->roulette_start != 0u && edge >= settings->roulette_start) {

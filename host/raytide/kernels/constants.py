@@ -9,6 +9,8 @@ EDGE_BINS = 16  # path edges 1..15 are counted apart, 16 and more together
 COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
+ABSORBS = 2  # flag of a material record: what is behind the surface absorbs
+MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
 _UNSIGNED = {
@@ -18,6 +20,8 @@ _UNSIGNED = {
     "EDGE_BINS": EDGE_BINS,
     "COUNTER_EDGES": COUNTER_EDGES,
     "MATERIAL_TRANSMITS": TRANSMITS,
+    "MOST_MEDIA": MOST_MEDIA,
+    "MATERIAL_ABSORBS": ABSORBS,
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
 }
 

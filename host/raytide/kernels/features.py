@@ -46,6 +46,7 @@ class Features:
     sobol: bool = True  # else plain random numbers
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
+    absorption: bool = False  # any material whose inside absorbs
     compensation: bool = False  # any rough metal that gives back what further facets reflect
     tangents: bool = False  # any material that differs along the surface's two directions
     counters: bool = False  # instrumented build

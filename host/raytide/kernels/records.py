@@ -155,9 +155,10 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS | MATERIAL_ABSORBS"),
         ("uint", "pad0", "", "zero"),
         ("uint", "pad1", "", "zero"),
+        ("float4", "absorption", "1/m", "xyz; of what is behind the surface"),
         *[
             ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(MATERIAL_FLOATS // 4)
         ],

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.accel import FlatGeometry
-from raytide.kernels.constants import TRANSMITS
+from raytide.errors import UsageError
+from raytide.kernels.constants import ABSORBS, MOST_MEDIA, TRANSMITS
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.lights import pack_lights
@@ -39,7 +40,8 @@ class PackedScene:
 
 def features_of(flat: FlatScene, everything: bool = False) -> Features:
     """The switches that the scene's kinds and keys ask for; `everything` turns on all that can be combined."""
-    from raytide.scene.materials import MATERIALS, SWITCHES
+    from raytide.scene.material_parts import SWITCHES
+    from raytide.scene.materials import MATERIALS
     from raytide.scene.shapes import ANALYTIC_KINDS
 
     render, camera = flat.render, flat.camera
@@ -69,7 +71,10 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
 
 
 def pack(flat: FlatScene, features: Features) -> PackedScene:
-    """Records of `flat`, relative to its camera, as kernels with `features` read them."""
+    """Records of `flat`, relative to its camera, as kernels with `features` read them. UsageError where absorbing
+    materials are too many to be told apart."""
+    if features.absorption and len(flat.materials) > MOST_MEDIA:
+        raise UsageError(f"came {len(flat.materials)} materials, some of which absorb; wanted {MOST_MEDIA} at most")
     origin = np.asarray(flat.camera.origin, np.float64)
     planes_first = sorted(range(len(flat.shapes)), key=lambda j: flat.shapes[j].kind != "plane")
     geometry = _geometry(flat, origin, planes_first)
@@ -135,7 +140,9 @@ def _materials(flat: FlatScene) -> np.ndarray:
     materials = np.zeros(len(flat.materials), RECORDS["Material"].dtype)
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
-        row["flags"] = TRANSMITS if model.transmits else 0
+        absorption = np.asarray(getattr(model, "absorption", (0.0, 0.0, 0.0)))
+        row["flags"] = (TRANSMITS if model.transmits else 0) | (ABSORBS if absorption.any() else 0)
+        row["absorption"][:3] = absorption
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.lights import EnvironmentLight, Light
-from raytide.scene.materials import Emissive, Material
+from raytide.scene.material_parts import Material
+from raytide.scene.materials import Emissive
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh, Shape
 from raytide.scene.transform import fault_of, matrix_of
