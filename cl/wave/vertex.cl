@@ -88,7 +88,8 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     const int hidden = !(dot3(n, wo) * (turn || !back ? 1.0f : -1.0f) > 0.0f);
     n = hidden ? (turn ? v.normal : v.surface.ng) : n;
 #if HAS_TANGENTS
-    v.frame = frame_along(n, tangent_of(g, v.surface));
+    const int stretched = (v.material->flags & MATERIAL_STRETCHED) != 0u;
+    v.frame = stretched ? frame_along(n, tangent_of(g, v.surface)) : frame_of(n);
 #else
     v.frame = frame_of(n);
 #endif

@@ -10,6 +10,7 @@ COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
 ABSORBS = 2  # flag of a material record: what is behind the surface absorbs
+STRETCHED = 4  # flag of a material record: its shading frame follows the surface's tangent
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
@@ -22,6 +23,7 @@ _UNSIGNED = {
     "MATERIAL_TRANSMITS": TRANSMITS,
     "MOST_MEDIA": MOST_MEDIA,
     "MATERIAL_ABSORBS": ABSORBS,
+    "MATERIAL_STRETCHED": STRETCHED,
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
 }
 

@@ -155,7 +155,7 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS | MATERIAL_ABSORBS"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS | MATERIAL_ABSORBS | MATERIAL_STRETCHED"),
         ("uint", "pad0", "", "zero"),
         ("uint", "pad1", "", "zero"),
         ("float4", "absorption", "1/m", "xyz; of what is behind the surface"),

@@ -11,7 +11,7 @@ import numpy as np
 
 from raytide.accel import FlatGeometry
 from raytide.errors import UsageError
-from raytide.kernels.constants import ABSORBS, MOST_MEDIA, TRANSMITS
+from raytide.kernels.constants import ABSORBS, MOST_MEDIA, STRETCHED, TRANSMITS
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.lights import pack_lights
@@ -142,6 +142,7 @@ def _materials(flat: FlatScene) -> np.ndarray:
         row["kind"] = kind_number("material", model.type)
         absorption = np.asarray(getattr(model, "absorption", (0.0, 0.0, 0.0)))
         row["flags"] = (TRANSMITS if model.transmits else 0) | (ABSORBS if absorption.any() else 0)
+        row["flags"] |= STRETCHED if "tangents" in model.switches() else 0
         row["absorption"][:3] = absorption
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
