@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import raytide.scene as rt
-from raytide.scene.materials import Material
+from raytide.scene.material_parts import Material
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ CASES: tuple[Case, ...] = (
          near=3e-3),
     Case(rt.RoughConductor(**COPPER, roughness_u=0.2, roughness_v=0.5, compensation=True)),
     Case(rt.Dielectric(1.5), delta=True, lossless=True, eta=1.5),
+    Case(rt.Dielectric(1.33, absorption=(1.0, 0.2, 0.0)), delta=True, lossless=True, eta=1.33),
     Case(rt.ThinDielectric(1.5), delta=True, lossless=True),
     Case(rt.ThinDielectric(2.0, specular_reflectance=0.5, specular_transmittance=(0.9, 0.5, 0.1)), delta=True),
     *_facets(rt.RoughDielectric, {"ior": 1.5}, 1.5),

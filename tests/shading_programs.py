@@ -13,7 +13,8 @@ import numpy as np
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
-from raytide.scene.materials import MATERIALS, SWITCHES, Material
+from raytide.scene.material_parts import SWITCHES, Material
+from raytide.scene.materials import MATERIALS
 
 F4 = np.dtype("<f4")
 LOCAL = 64

@@ -250,6 +250,13 @@ def material_checks() -> dict[str, list[Check]]:
     once = ((index - 1) / (index + 1))**2
     out["dielectric_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)
                                     / (1 + once), "L (1 - R) / (1 + R), R = ((n - 1) / (n + 1))^2", NOISY / 2)]
+    scene = read("materials/absorbing_slab")
+    glass, pane = scene["materials"]["glass"], scene["objects"]["pane"]
+    kept = np.exp(-colour(glass["absorption"]) * (pane["max"][2] - pane["min"][2]))
+    once = ((glass["ior"] - 1) / (glass["ior"] + 1))**2
+    out["absorbing_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)**2
+                                   * kept / (1 - (once * kept)**2), "L (1 - R)^2 a / (1 - R^2 a^2), a = exp(-s d)",
+                                   NOISY / 2)]
     return out
 
 
@@ -283,7 +290,7 @@ def coated_checks(ball: Callable[[str], tuple[dict[str, Any], np.ndarray]], midd
     out["plastic"] = [Check(centre, (once + base) * sky, "L (R + base through the coat)", NOISY), behind]
     surface, _ = ball("rough_plastic")
     lobe = ggx_albedo(surface["roughness"], dielectric(surface["ior"]))
-    out["rough_plastic"] = [Check(middle, lobe * sky, "L E, E of GGX and Fresnel by quadrature", 2 * NOISY), behind]
+    out["rough_plastic"] = [Check(middle, lobe * sky, "L E, E of GGX and Fresnel by quadrature", NOISY), behind]
     surface, _ = ball("principled")
     lobe = ggx_albedo(surface["roughness"]**2, schlick(colour(surface["base_color"])))
     out["principled"] = [Check(middle, lobe * sky, "L E, E of GGX and Schlick by quadrature", NOISY), behind]

@@ -184,9 +184,10 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS, MATERIAL_ONE_SIDED"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
+        ("float4", "absorption", "1/m", "xyz; of what is behind the surface"),
         *[
             ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(MATERIAL_FLOATS // 4)
         ],

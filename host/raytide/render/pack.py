@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.accel import FlatGeometry
-from raytide.kernels.constants import HIDDEN, ONE_SIDED, RAY_KINDS, TRANSMITS
+from raytide.errors import UsageError
+from raytide.kernels.constants import ABSORBS, HIDDEN, MOST_MEDIA, ONE_SIDED, RAY_KINDS, STRETCHED, TRANSMITS
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
@@ -60,7 +61,8 @@ class PackedScene:
 
 def features_of(flat: FlatScene, everything: bool = False) -> Features:
     """The switches that the scene's kinds and keys ask for; `everything` turns on all that can be combined."""
-    from raytide.scene.materials import MATERIALS, SWITCHES
+    from raytide.scene.material_parts import SWITCHES
+    from raytide.scene.materials import MATERIALS
     from raytide.scene.shapes import ANALYTIC_KINDS
 
     render, camera = flat.render, flat.camera
@@ -104,7 +106,10 @@ def surface_of(flat: FlatScene, material: int) -> int:
 
 
 def pack(flat: FlatScene, features: Features) -> PackedScene:
-    """Records of `flat`, relative to its camera, as kernels with `features` read them."""
+    """Records of `flat`, relative to its camera, as kernels with `features` read them. UsageError where absorbing
+    materials are too many to be told apart."""
+    if features.absorption and len(flat.materials) > MOST_MEDIA:
+        raise UsageError(f"came {len(flat.materials)} materials, some of which absorb; wanted {MOST_MEDIA} at most")
     origin = np.asarray(flat.camera.origin, np.float64)
     planes_first = sorted(range(len(flat.shapes)), key=lambda j: flat.shapes[j].kind != "plane")
     meshes = pack_meshes(flat)
@@ -202,8 +207,11 @@ def _materials(flat: FlatScene) -> np.ndarray:
     materials = np.zeros(len(flat.materials), RECORDS["Material"].dtype)
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
+        absorption = np.asarray(getattr(model, "absorption", (0.0, 0.0, 0.0)))
         one_sided = not model.two_sided and model.type != "emissive"
-        row["flags"] = (TRANSMITS if model.transmits else 0) | (ONE_SIDED if one_sided else 0)
+        row["flags"] = (TRANSMITS if model.transmits else 0) | (ABSORBS if absorption.any() else 0)
+        row["flags"] |= (STRETCHED if "tangents" in model.switches() else 0) | (ONE_SIDED if one_sided else 0)
+        row["absorption"][:3] = absorption
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x

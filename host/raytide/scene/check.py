@@ -12,7 +12,8 @@ from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.instances import Shown, ShownObjects, shown_objects
 from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight, Light
-from raytide.scene.materials import Emissive, Material
+from raytide.scene.material_parts import Material
+from raytide.scene.materials import Emissive
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Instance, Mesh, Shape
 from raytide.scene.texture_check import texture_problems, texture_warnings
