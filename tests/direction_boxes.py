@@ -58,7 +58,7 @@ class Boxes:
 
     def _cut_cells(self, points: np.ndarray, low: np.ndarray, high: np.ndarray, above: bool) -> None:
         """Cuts a box further, for quadrature, and empty margins off its parts, so that no cell hides a peak."""
-        if len(points) <= 32:
+        if len(points) <= 24:
             low, high = low.copy(), high.copy()
             for axis in (0, 1) if len(points) else ():
                 first, last = points[:, axis].min(), points[:, axis].max()
@@ -90,7 +90,8 @@ class Boxes:
             low = np.concatenate(quarters)
             high, above, box = low + size, np.tile(above, 4), np.tile(box, 4)
             parts = _over_cells(density, low, high, above)
-            settled = np.abs(parts.reshape(4, -1).sum(axis=0) - whole) < tolerance
+            small = size[: len(whole)].prod(axis=1) < 1e-3  # a large cell may hide a peak
+            settled = small & (np.abs(parts.reshape(4, -1).sum(axis=0) - whole) < tolerance)
             done = np.tile(settled, 4)
             out += np.bincount(box[done], parts[done], len(out))
             low, high, above, box, whole = (x[~done] for x in (low, high, above, box, parts))
@@ -116,10 +117,18 @@ class Boxes:
         return out
 
 
+def _crowding(points: np.ndarray, low: float, high: float) -> float:
+    """How little of an interval its densest part takes: about 1 where points spread evenly, 0 at a peak."""
+    ordered = np.sort(points)
+    step = max(len(points) // 16, 4)
+    if len(points) <= step:
+        return 1.0
+    return float((ordered[step:] - ordered[:-step]).min() / (high - low) * len(points) / step)
+
+
 def _halved(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[int, float, np.ndarray, np.ndarray]:
     """Axis and place of a cut through the median, the upper corner of what is below and the lower of what is above."""
-    spread = np.diff(np.quantile(points, (0.1, 0.9), axis=0), axis=0)[0] / (high - low)
-    axis = int(np.argmin(spread))  # where the mass fills least of the box, a cut tells most
+    axis = int(np.argmin([_crowding(points[:, i], low[i], high[i]) for i in (0, 1)]))
     cut = float(np.median(points[:, axis]))
     if not low[axis] < cut < high[axis]:
         cut = float((low[axis] + high[axis]) / 2)

@@ -13,7 +13,8 @@ import numpy as np
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
-from raytide.scene.materials import MATERIALS, SWITCHES, Material
+from raytide.scene.material_parts import SWITCHES, Material
+from raytide.scene.materials import MATERIALS
 
 F4 = np.dtype("<f4")
 LOCAL = 64
@@ -109,14 +110,13 @@ kernel void probe_eval(const uint count, global const Material *materials, globa
 }
 
 kernel void probe_constant(const uint count, global const Material *materials, global const uint *which,
-                           global const float4 *wo, global float4 *value, global float4 *emitted)
+                           global const float4 *wo, global float4 *value)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
         return;
     }
     value[i] = make4(material_albedo(materials + which[i]), 0.0f);
-    emitted[i] = make4(material_emit(materials + which[i], wo[i].z), 0.0f);
 }
 """
 
@@ -251,13 +251,13 @@ class Materials:
         out = device.read(value, F4, 4 * n).reshape(n, 4)
         return out[:, :3], out[:, 3]
 
-    def constant(self, model: Model, wo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Albedo (3,) and what is emitted towards wo (3,)."""
+    def constant(self, model: Model, wo: np.ndarray) -> np.ndarray:
+        """Albedo (3,)."""
         device = self.device
-        value, emitted = device.empty(16), device.empty(16)
+        value = device.empty(16)
         inputs = [device.upload(rows4(wo, 1))]
-        device.launch(self.program, "probe_constant", 1, LOCAL, *self._start(model, 1), *inputs, value, emitted)
-        return device.read(value, F4, 3), device.read(emitted, F4, 3)
+        device.launch(self.program, "probe_constant", 1, LOCAL, *self._start(model, 1), *inputs, value)
+        return device.read(value, F4, 3)
 
 
 def sample_sets(

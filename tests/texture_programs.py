@@ -10,7 +10,7 @@ import numpy as np
 from raytide.kernels.constants import WRAPS
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
-from raytide.render.sky import sky_rows, sky_shares
+from raytide.render.sky import sky_shares
 from shading_programs import F4, LOCAL, program, rows4
 
 _LOOK_UP = """
@@ -107,16 +107,16 @@ class SkySamples:
 class Sky:
     """A picture of the sky (h, w, 3) float32 on a device."""
 
-    def __init__(self, device: Any, texels: np.ndarray, turn: Any = None, at_poles: bool = False) -> None:
+    def __init__(self, device: Any, texels: np.ndarray, turn: Any = None, beyond: float = 0.0) -> None:
         self.device = device
         words = np.ascontiguousarray(texels, np.float32).view(np.uint32).ravel()
         self.table = bitmap_record(*texels.shape[:2])
         self.table["patches"] = len(words)
-        self.table["row_v"][0, 1:3] = sky_rows(len(texels), at_poles)
-        self.words = np.concatenate([words, sky_shares(texels, at_poles)])
+        self.words = np.concatenate([words, sky_shares(texels, beyond)])
         self.light = np.zeros(1, RECORDS["Light"].dtype)
         self.light["kind"], self.light["alias"] = kind_number("light", "environment_map"), NONE
         self.light["radiance"][0, :3] = 1.0
+        self.light["direction"][0, 3] = beyond
         for member, axis in zip(("position", "direction", "extra"), np.eye(3) if turn is None else turn, strict=True):
             self.light[member][0, :3] = axis
 

@@ -115,6 +115,28 @@ def ggx_albedo(alpha: float, fresnel: Callable[[np.ndarray], np.ndarray]) -> np.
     return (fresnel(np.cos(t)) * (density * masking)[:, None]).sum(axis=0) * (np.pi / 2) / steps
 
 
+def ggx_transmittance(alpha: float, index: float) -> float:
+    """As ggx_albedo, for what is refracted into `index`: with wo along the normal a facet at angle t sends it to
+    t - asin(sin t / index) below."""
+    steps = 200_000
+    s = (np.arange(steps) + 0.5) / steps * (np.pi / 2)
+    t = np.arctan(alpha * np.tan(s))
+    below = t - np.arcsin(np.sin(t) / index)
+    masking = 2 / (1 + np.sqrt(1 + (alpha * np.tan(below))**2))
+    passed = 1 - dielectric(index)(np.cos(t))[:, 0]
+    return float((passed * 2 * np.sin(s) * np.cos(s) * masking).sum() * (np.pi / 2) / steps)
+
+
+def dielectric(index: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda cosine: conductor(np.full(3, index), np.zeros(3))(cosine)
+
+
+def diffuse_fresnel(index: float) -> float:
+    """Share of diffuse light that a boundary from 1 to `index` > 1 reflects."""
+    cosine = (np.arange(200_000) + 0.5) / 200_000
+    return float((dielectric(index)(cosine)[:, 0] * 2 * cosine).mean())
+
+
 def schlick(colour: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     return lambda cosine: colour + (1 - colour) * ((1 - cosine)**5)[:, None]
 
@@ -216,6 +238,7 @@ def material_checks() -> dict[str, list[Check]]:
     lobe = ggx_albedo(surface["roughness"], conductor(colour(surface["eta"]), colour(surface["k"])))
     out["rough_conductor"] = [Check(middle, lobe * sky, "L E, E of GGX and Fresnel by quadrature", NOISY), behind]
     out["dielectric"] = [Check((0, 0, 64, 64), sky, "L: reflected + refracted = 1", 1e-4)]
+    out |= coated_checks(ball, middle, behind)
     scene = read("materials/emissive")
     glow, both = scene["materials"]["glow"], scene["materials"]["both"]
     out["emissive"] = [Check((30, 30, 34, 34), colour(glow["radiance"]) * glow["scale"], "L scale", EXACT),
@@ -227,7 +250,60 @@ def material_checks() -> dict[str, list[Check]]:
     once = ((index - 1) / (index + 1))**2
     out["dielectric_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)
                                     / (1 + once), "L (1 - R) / (1 + R), R = ((n - 1) / (n + 1))^2", NOISY / 2)]
+    scene = read("materials/absorbing_slab")
+    glass, pane = scene["materials"]["glass"], scene["objects"]["pane"]
+    kept = np.exp(-colour(glass["absorption"]) * (pane["max"][2] - pane["min"][2]))
+    once = ((glass["ior"] - 1) / (glass["ior"] + 1))**2
+    out["absorbing_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)**2
+                                   * kept / (1 - (once * kept)**2), "L (1 - R)^2 a / (1 - R^2 a^2), a = exp(-s d)",
+                                   NOISY / 2)]
     return out
+
+
+def film_checks() -> dict[str, list[Check]]:
+    """A film straight from above: Airy's sum over the visible spectrum, by the observer's weights at 5 nm steps."""
+    scene = read("materials/thin_film")
+    surface, sky = scene["materials"]["surface"], colour(scene["lights"]["sky"]["radiance"])
+    film, base = surface["film_ior"], surface["ior"]
+    top, bottom = (1 - film) / (1 + film), (film - base) / (film + base)
+    table = np.loadtxt(SCENES.parent / "tools" / "observer.csv", delimiter=",")
+    turn = np.exp(4j * np.pi * film * surface["thickness"] / table[:, 0])
+    share = np.abs((top + bottom * turn) / (1 + top * bottom * turn))**2
+    reflected = share @ table[:, 1:] / table[:, 1:].sum(axis=0)
+    return {"thin_film": [Check((0, 0, 64, 64), (reflected + (1 - reflected) / base**2) * sky,
+                                "L (R + (1 - R) / n^2), R of Airy by the observer", NOISY / 2)]}
+
+
+def coated_checks(ball: Callable[[str], tuple[dict[str, Any], np.ndarray]], middle: tuple[int, int, int, int],
+                  behind: Check) -> dict[str, list[Check]]:
+    """Metals, plastics, panes: balls whose middle is seen along the normal, and panes straight from above."""
+    out: dict[str, list[Check]] = {}
+    along, centre, pane = np.ones(1), (30, 30, 34, 34), (0, 0, 64, 64)
+    surface, sky = ball("conductor")
+    mirror = conductor(colour(surface["eta"]), colour(surface["k"]))(along)[0]
+    out["conductor"] = [Check(centre, mirror * sky, "R L, R of normal incidence", 2e-3), behind]
+    surface, _ = ball("plastic")
+    index, rho = surface["ior"], colour(surface["reflectance"])
+    once, diffuse = ((index - 1) / (index + 1))**2, diffuse_fresnel(index)
+    inside = 1 - (1 - diffuse) / index**2  # by reciprocity
+    base = (1 - once) * (1 - diffuse) / index**2 * rho / (1 - rho * inside)
+    out["plastic"] = [Check(centre, (once + base) * sky, "L (R + base through the coat)", NOISY), behind]
+    surface, _ = ball("rough_plastic")
+    lobe = ggx_albedo(surface["roughness"], dielectric(surface["ior"]))
+    out["rough_plastic"] = [Check(middle, lobe * sky, "L E, E of GGX and Fresnel by quadrature", NOISY), behind]
+    surface, _ = ball("principled")
+    lobe = ggx_albedo(surface["roughness"]**2, schlick(colour(surface["base_color"])))
+    out["principled"] = [Check(middle, lobe * sky, "L E, E of GGX and Schlick by quadrature", NOISY), behind]
+    surface, _ = ball("thin_dielectric")
+    both = 2 * once / (1 + once)
+    out["thin_dielectric"] = [Check(pane, (both + (1 - both) * colour(surface["specular_transmittance"])) * sky,
+                                    "L (R + t (1 - R)), R = 2 r / (1 + r)", NOISY / 2)]
+    surface, _ = ball("rough_dielectric")
+    index = surface["ior"]
+    lobe = ggx_albedo(surface["roughness"], dielectric(index))
+    through = ggx_transmittance(surface["roughness"], index) / index**2
+    out["rough_dielectric"] = [Check(pane, (lobe + through) * sky, "L (E + T / n^2) by quadrature", NOISY / 2)]
+    return out | film_checks()
 
 
 def furnace_checks() -> dict[str, list[Check]]:

@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/vector.cl"
 #include "accel/geometry.cl"
+#include "accel/stored.cl"
 #include "accel/textured.cl"
 // Shading normals from pictures of normals or of heights (Blinn 1978). What they may not do is kept elsewhere: light
 // goes by the geometric side of a surface, so that none leaks through.
@@ -10,8 +11,9 @@
 static void surface_tangents(const Geometry g, const Surface *s, float3 *along_u, float3 *along_v)
 {
 #if HAS_TRIANGLES
-    if (s->prim < g.triangle_count) {
-        const uint4 corner = g.triangles[s->prim].v;
+    const uint stored = stored_triangle(g, s->prim);
+    if (stored != NONE) {
+        const uint4 corner = g.triangles[stored].v;
         const float3 first = xyz(g.vertices[corner.x].p);
         const float3 e1 = xyz(g.vertices[corner.y].p) - first;
         const float3 e2 = xyz(g.vertices[corner.z].p) - first;
@@ -20,8 +22,8 @@ static void surface_tangents(const Geometry g, const Surface *s, float3 *along_u
         const float2 d2 = g.textures.uvs[corner.z] - uv;
         const float determinant = difference_of_products(d1.x, d2.y, d1.y, d2.x);
         const float inverse = determinant != 0.0f ? 1.0f / determinant : 0.0f;
-        *along_u = (e1 * d2.y - e2 * d1.y) * inverse;
-        *along_v = (e2 * d1.x - e1 * d2.x) * inverse;
+        *along_u = stored_to_world(g, s->prim, (e1 * d2.y - e2 * d1.y) * inverse);
+        *along_v = stored_to_world(g, s->prim, (e2 * d1.x - e1 * d2.x) * inverse);
         return;
     }
 #endif
@@ -72,5 +74,30 @@ static float3 relief_normal(const Geometry g, global const Material *m, const Su
         return dot3(n, n) > 0.5f ? n : s->n;
     }
     return s->n;
+}
+
+// No relief here: rounding must not make one.
+static int is_level(const float3 n, const float3 level) { return n.x == level.x && n.y == level.y && n.z == level.z; }
+
+// A normal that faces away from a viewer who sees the level surface is turned half about the level normal.
+static float3 towards_viewer(const float3 n, const float3 level, const float3 wo)
+{
+    return is_level(n, level) || dot3(n, wo) * dot3(level, wo) > 0.0f ? n : 2.0f * dot3(n, level) * level - n;
+}
+
+// Shadow that the bumps which a turned normal stands for throw on each other: the masking of a GGX surface as rough as
+// they are (Estevez, Lecocq and Stein 2019, Ray Tracing Gems ch. 12). Without it light ends at a hard line.
+static float relief_roughening(const float3 n, const float3 level)
+{
+    const float cosine = dot3(n, level);
+    const float tangent2 = max_of(1.0f - cosine * cosine, 0.0f) / max_of(cosine * cosine, 1.0e-12f);
+    return is_level(n, level) ? 0.0f : min_of(0.125f * tangent2, 1.0f);
+}
+
+// Share of light that passes, for the cosine of its direction to the level normal.
+static float relief_shadow(const float roughening, const float cosine)
+{
+    const float cosine2 = max_of(cosine * cosine, 1.0e-12f);
+    return 2.0f / (1.0f + sqrt_of(1.0f + roughening * max_of(1.0f - cosine2, 0.0f) / cosine2));
 }
 #endif

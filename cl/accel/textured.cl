@@ -1,23 +1,12 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/vector.cl"
 #include "accel/geometry.cl"
-#include "accel/instance_surface.cl"
+#include "accel/stored.cl"
 #include "dispatch/shape.cl"
 #include "dispatch/texture.cl"
 // Material parameters at one point of a surface.
 
 #if HAS_TEXTURED
-// Where a primitive's corners stand in g.triangles; NONE for shapes.
-static uint stored_triangle(const Geometry g, const uint prim)
-{
-#if HAS_INSTANCES
-    if (is_instanced(g, prim)) {
-        return stored_instance_triangle(g, prim);
-    }
-#endif
-    return prim < g.triangle_count ? prim : NONE;
-}
-
 // The point p of a primitive; `inside` = barycentric weights on triangles.
 static TexturePoint texture_point(const Geometry g, const uint prim, const float2 inside, const float3 p,
                                   const float3 ng)

@@ -4,6 +4,7 @@
 #include "base/special.cl"
 #include "base/vector.cl"
 
+#if HAS_BECKMANN
 // Beckmann facets: Gaussian slopes of standard deviation alpha / sqrt 2 along x and y (Beckmann and Spizzichino 1963,
 // Walter et al. 2007), Smith masking with the exact error function.
 
@@ -59,3 +60,4 @@ static float3 beckmann_visible_normal(const float3 wo, const float2 alpha, const
     const float across = inverse_erf(clamp_of(2.0f * u.y - 1.0f, -0.99999994f, 0.99999994f));
     return normalize3((float3)(alpha.x * (c * along - s * across), alpha.y * (s * along + c * across), 1.0f));
 }
+#endif

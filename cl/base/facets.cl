@@ -1,10 +1,8 @@
 #pragma OPENCL FP_CONTRACT OFF
+#include "base/beckmann.cl"
 #include "base/ggx.cl"
 #include "base/portable.cl"
 #include "base/vector.cl"
-#if HAS_BECKMANN
-#include "base/beckmann.cl"
-#endif
 
 // A rough surface of small facets: GGX or Beckmann, with an alpha along either axis of the shading frame and separable
 // Smith masking, G = G1(wo) G1(wi).

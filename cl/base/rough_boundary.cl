@@ -7,7 +7,9 @@
 // What a pair of directions means at a rough boundary between two media (Walter et al. 2007). wo is above (wo.z > 0),
 // wi on either side.
 typedef struct {
-    float reflectance;  // Fresnel's, at the facet that joins wo and wi
+    float3 h;           // the facet that joins them, on the side of wo
+    float cosine;       // between wo and h
+    float reflectance;  // Fresnel's, at that facet
     float value;        // f |cos wi| without Fresnel's factor; radiance is scaled by 1 / eta^2 on the way through
     float pdf;          // of wi, given that it is reflected, or refracted
 } Boundary;
@@ -30,6 +32,8 @@ static Boundary boundary_between(const Facets f, const float ior, const int turn
     const float c = min_of(max_of(turned && !reflects ? cos_i : cos_o, 0.0f), 1.0f);
     float cosine;
     Boundary out;
+    out.h = h;
+    out.cosine = min_of(max_of(cos_o, 0.0f), 1.0f);
     out.reflectance = dielectric_reflectance(c, (1.0f - c) * (1.0f + c), 1.0f, reflects ? eta : ior, &cosine);
     const int seen = joined && wo.z > 0.0f && wi.z != 0.0f && cos_o > 0.0f && cos_i > 0.0f;
     const float depth = abs_of(wi.z);
@@ -40,6 +44,8 @@ static Boundary boundary_between(const Facets f, const float ior, const int turn
     out.value = out.pdf * (masking / (bend * bend));
     return out;
 }
+
+static float3 turned_over(const float3 w, const int turn) { return (float3)(w.x, w.y, turn ? -w.z : w.z); }
 
 // Direction refracted at facet h, from the side of index 1 to the side of index eta; cosine2 = cosine on that side.
 static float3 refract_about(const float3 wo, const float3 h, const float eta, const float cosine2)

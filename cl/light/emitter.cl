@@ -55,6 +55,22 @@ static float3 emitter_texture(global const Light *l, const Geometry g, const flo
 }
 #endif
 
+// Radiance that leaves the point `s` of this light at an angle of cosine cos_o to its front.
+static float3 emitter_seen(global const Light *l, const Geometry g, const Surface *s, const float cos_o)
+{
+    if (!(cos_o > 0.0f || (l->extra.x != 0.0f && cos_o < 0.0f))) {
+        return (float3)(0.0f);
+    }
+    float3 out = xyz(l->radiance);
+#if HAS_TEXTURED
+    const uint slot = bits_of(l->radiance.w);
+    if (slot != NONE) {
+        out = out * slot_value(g, g.textures.slots + slot, texture_point(g, s->prim, s->uv, s->p, s->ng));
+    }
+#endif
+    return out;
+}
+
 // The target is moved off the primitive by its error bound and by the rounding of t along the way to it, so that a
 // shadow ray up to t = 1 ends before the primitive.
 static LightSample emitter_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)

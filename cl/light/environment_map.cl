@@ -6,7 +6,8 @@
 #include "base/vector.cl"
 // Radiance from a picture of all directions: longitude along its rows, latitude down its columns, the top at +y of the
 // frame whose rows are position, direction and extra (xyz), bilinear between texel centres; radiance.xyz scales it.
-// row_v.y theta / pi + row_v.z is the place in the picture: its first and last rows may lie at the poles themselves.
+// direction.w: share of the picture's height that lies beyond the poles: 0 where they are its edges, 1 / height where
+// they are the middles of its first and last row.
 //
 // The sky is cut into patches between four texel centres: height + 1 rows (the first and the last are half as high)
 // of `width` patches. A patch is picked by inverting first the distribution of rows, then that of patches in the row,
@@ -61,7 +62,7 @@ static float patch_pdf(const Geometry g, global const Texture *t, const uint4 te
                           luminance_of(texel_at(g.textures, t, texels.y, texels.w));
     const float patches = (float)t->width * (float)t->height * (row == 0u || row == t->height ? 2.0f : 1.0f);
     const float density = corners > 0.0f ? shares * (4.0f * luminance / corners) : 0.0f;
-    return density * (t->row_v.y * patches / (2.0f * PI_SQUARED)) / max_of(sine, LEAST_SINE);
+    return density * (patches / (2.0f * PI_SQUARED)) / max_of(sine, LEAST_SINE);
 }
 
 typedef struct {
@@ -76,15 +77,17 @@ static SkySeen environment_map_seen(global const Light *l, const Geometry g, con
     const float3 d = (float3)(dot3(xyz(l->position), wi), dot3(xyz(l->direction), wi), dot3(xyz(l->extra), wi));
     const float sine = sqrt_of(d.x * d.x + d.z * d.z);
     const TexelPair x = texel_pair(atan2_turns(d.x, -d.z), t->width, WRAP_REPEAT);
-    const TexelPair y = texel_pair(fma_of(2.0f * t->row_v.y, atan2_turns(sine, d.y), t->row_v.z), t->height, WRAP_CLAMP);
+    const float beyond = l->direction.w;
+    const float down = 2.0f * atan2_turns(sine, d.y);
+    const TexelPair y = texel_pair(fma_of(down, 1.0f - beyond, 0.5f * beyond), t->height, WRAP_CLAMP);
     global const uint *row = ends + (t->height + 1u) + y.cell * t->width;
     const uint rows = ends[y.cell] - (y.cell > 0u ? ends[y.cell - 1u] : 0u);
     const uint columns = row[x.low] - (x.low > 0u ? row[x.low - 1u] : 0u);
     const float3 color = texels_between(g.textures, t, x, y);
     SkySeen out;
     out.radiance = color * xyz(l->radiance);
-    out.pdf = patch_pdf(g, t, (uint4)(x.low, x.high, y.low, y.high), y.cell, (float)rows * (float)columns * PATCH_UNIT,
-                        luminance_of(color), sine);
+    out.pdf = (1.0f - beyond) * patch_pdf(g, t, (uint4)(x.low, x.high, y.low, y.high), y.cell,
+                                          (float)rows * (float)columns * PATCH_UNIT, luminance_of(color), sine);
     return out;
 }
 
@@ -113,16 +116,17 @@ static LightSample environment_map_sample(global const Light *l, const Geometry 
     const float half_row = row == 0u || row == t->height ? 0.5f : 1.0f;
     const float top = row == 0u ? 0.0f : (float)row - 0.5f;
     float sine, cosine, sine_phi, cosine_phi;
-    const float place = (top + half_row * y.weight) / (float)t->height;
-    sin_cos_turns(0.5f * clamp_of((place - t->row_v.z) / t->row_v.y, 0.0f, 1.0f), &sine, &cosine);
+    const float beyond = l->direction.w;
+    const float down = ((top + half_row * y.weight) / (float)t->height - 0.5f * beyond) / (1.0f - beyond);
+    sin_cos_turns(0.5f * down, &sine, &cosine);
     sine = max_of(sine, 0.0f);  // rounding may take it below at the lower pole
     sin_cos_turns(((float)column + 0.5f + x.weight) / (float)t->width, &sine_phi, &cosine_phi);
     const float3 color = texels_between(g.textures, t, x, y);
     LightSample out;
     out.to = xyz(l->position) * (sine * sine_phi) + xyz(l->direction) * cosine - xyz(l->extra) * (sine * cosine_phi);
     out.radiance = color * xyz(l->radiance);
-    out.pdf = patch_pdf(g, t, (uint4)(x.low, x.high, y.low, y.high), row, (float)rows * (float)columns * PATCH_UNIT,
-                        luminance_of(color), sine);
+    out.pdf = (1.0f - beyond) * patch_pdf(g, t, (uint4)(x.low, x.high, y.low, y.high), row,
+                                          (float)rows * (float)columns * PATCH_UNIT, luminance_of(color), sine);
     out.delta = 0u;
     out.infinite = 1u;
     return out;

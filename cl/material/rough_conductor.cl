@@ -2,14 +2,45 @@
 #include "base/bsdf.cl"
 #include "base/facets.cl"
 #include "base/fresnel.cl"
+#include "base/math.cl"
+#include "base/polynomial.cl"
 #include "base/portable.cl"
 #include "base/vector.cl"
+#include "base/warp.cl"
 
-// Metal of index eta + i k with rough facets. Below GGX_MIRROR it is a single direction.
+// Metal of index eta + i k with rough facets. Below GGX_MIRROR it is a single direction. With energy compensation, light
+// that meets further facets comes back as a lobe of its own (Kulla and Conty 2017):
+//   f = further lost(o) lost(i) / (pi lost_mean), lost(cosine) = share that perfect facets do not reflect at once.
 
 static Facets rough_conductor_facets(const RoughConductor m)
 {
     return facets_of(m.roughness_u, m.roughness_v, m.beckmann);
+}
+
+static float rough_conductor_lost(const RoughConductor m, const float z)
+{
+    const float x = sqrt_of(clamp_of(z, 0.0f, 1.0f));
+    return clamp_of(polynomial12(m.lost0, m.lost4, m.lost8, x), 0.0f, 1.0f);
+}
+
+// Probability of sampling that lobe.
+static float rough_conductor_share(const RoughConductor m, const float z)
+{
+#if HAS_COMPENSATION
+    return m.lost_mean > 1.0e-5f ? rough_conductor_lost(m, z) : 0.0f;
+#else
+    return 0.0f;
+#endif
+}
+
+static float3 rough_conductor_further(const RoughConductor m, const float3 wo, const float3 wi)
+{
+#if HAS_COMPENSATION
+    const float lost = rough_conductor_lost(m, wo.z) * rough_conductor_lost(m, wi.z);
+    return m.further * (m.lost_mean > 1.0e-5f ? lost * wi.z * INVERSE_PI / m.lost_mean : 0.0f);
+#else
+    return (float3)(0.0f);
+#endif
 }
 
 static float3 rough_conductor_eval(const RoughConductor m, const float3 wo, const float3 wi)
@@ -19,7 +50,8 @@ static float3 rough_conductor_eval(const RoughConductor m, const float3 wo, cons
     const float3 h = half_vector(wo, wi, &cosine);
     const float lobe = facets_density(f, h) * facets_half_visibility(f, wo) * facets_half_visibility(f, wi) * wi.z;
     const int lit = wo.z > 0.0f && wi.z > 0.0f && !facets_smooth(f);
-    return m.specular_reflectance * conductor_reflectance3(cosine, m.eta, m.k) * (lit ? lobe : 0.0f);
+    const float3 value = conductor_reflectance3(cosine, m.eta, m.k) * lobe + rough_conductor_further(m, wo, wi);
+    return m.specular_reflectance * (lit ? value : (float3)(0.0f));
 }
 
 static float rough_conductor_pdf(const RoughConductor m, const float3 wo, const float3 wi)
@@ -27,7 +59,9 @@ static float rough_conductor_pdf(const RoughConductor m, const float3 wo, const 
     const Facets f = rough_conductor_facets(m);
     float cosine;
     const float3 h = half_vector(wo, wi, &cosine);
-    const float pdf = 0.5f * facets_density(f, h) * facets_half_visibility(f, wo);
+    const float share = rough_conductor_share(m, wo.z);
+    const float lobe = 0.5f * facets_density(f, h) * facets_half_visibility(f, wo);
+    const float pdf = (1.0f - share) * lobe + share * wi.z * INVERSE_PI;
     return wo.z > 0.0f && wi.z > 0.0f && !facets_smooth(f) ? pdf : 0.0f;
 }
 
@@ -46,6 +80,13 @@ static BsdfSample rough_conductor_sample(const RoughConductor m, const float3 wo
     out.weight = m.specular_reflectance * reflected * (smooth ? 1.0f : (above ? masking : 0.0f));
     out.pdf = smooth ? 1.0f : rough_conductor_pdf(m, wo, out.wi);
     out.flags = smooth ? BSDF_DELTA : 0u;
+#if HAS_COMPENSATION
+    if (!smooth && m.lost_mean > 1.0e-5f) {
+        out.wi = u.z < rough_conductor_share(m, wo.z) ? cosine_hemisphere(u.xy) : out.wi;
+        out.pdf = rough_conductor_pdf(m, wo, out.wi);
+        out.weight = rough_conductor_eval(m, wo, out.wi) * (out.pdf > 0.0f ? 1.0f / out.pdf : 0.0f);
+    }
+#endif
     return out;
 }
 

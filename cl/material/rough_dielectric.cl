@@ -15,8 +15,6 @@ static Facets rough_dielectric_facets(const RoughDielectric m)
     return facets_of(m.roughness_u, m.roughness_v, m.beckmann);
 }
 
-static float3 turned_over(const float3 w, const int turn) { return (float3)(w.x, w.y, turn ? -w.z : w.z); }
-
 static float3 rough_dielectric_eval(const RoughDielectric m, const float3 wo, const float3 wi)
 {
     const Facets f = rough_dielectric_facets(m);

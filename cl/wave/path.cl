@@ -1,9 +1,10 @@
 #pragma OPENCL FP_CONTRACT OFF
 // State of a path between waves, one slot each: throughput (xyz) with the pdf of its last direction (w), and
-// Path words: x = index in `samples`, y = edges so far | PATH_DELTA, z = pixel, w = sample number.
+// Path words: x = index in `samples`, y = edges so far | medium << PATH_MEDIUM_SHIFT | PATH_DELTA, z = pixel, w = sample number.
 
 #define PATH_DELTA 0x80000000u  // the last direction came from a single-direction lobe: no light sampling competes
-#define PATH_EDGES 0x7fffffffu
+#define PATH_EDGES 0xffffu
+#define PATH_MEDIUM_SHIFT 16  // index + 1 of the absorbing material that the path is inside of; 0: none
 
 // Status of a slot after `shade`, read by `partition`
 #define STATUS_ALIVE 1u   // trace its next ray

@@ -50,17 +50,16 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #endif
         return;
     }
-    const PathVertex vertex = vertex_of(g, objects, materials, ray, hit);
-    const int glows = material_of(&vertex)->kind == MATERIAL_EMISSIVE;
-    if (glows || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
-        samples[path.x] += make4(emission_seen(lights, settings, g, objects, vertex, ray, hit, path.y, state), 1.0f);
+    const PathVertex vertex = vertex_of(g, objects, materials, ray, hit, path.y, state);
+    if (is_light(objects, &vertex) || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
+        samples[path.x] += make4(emission_seen(lights, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
     }
 #if HAS_LOCAL
     const int last = 0;  // reflection_depth alone ends these paths
 #else
     const int last = edge >= settings->max_depth;
 #endif
-    if (last || glows) {
+    if (last || is_black(&vertex)) {
         return;
     }
     const Sampler sampler = sampler_of(settings->seed, path.z, path.w);
@@ -69,7 +68,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
     const float4 light_u = both.lo;
     const float4 u = both.hi;
-    const ShadowRay direct = sample_direct(lights, settings, g, &vertex, xyz(state), light_u);
+    const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, light_u);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
     if (direct.valid && !asks) {
@@ -86,11 +85,11 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #else
     const float4 u = sample_4d(sampler, SET_BSDF(edge));
 #endif
-    const NextRay onward = sample_onward(settings, &vertex, xyz(state), edge, u);
+    const NextRay onward = sample_onward(settings, &vertex, edge, u);
     if (onward.valid) {
         rays[slot] = onward.ray;
         throughput[slot] = onward.state;
-        path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u);
+        path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u) | (onward.medium << PATH_MEDIUM_SHIFT);
         paths[slot] = path;
         next |= STATUS_ALIVE;
     }

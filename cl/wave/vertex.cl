@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 // What happens at one vertex of a path: emission met, light sampled, next direction. Included by wave/shade.cl.
 #include "base/portable.cl"
+#include "base/special.cl"
 #include "base/vector.cl"
 #include "base/frame.cl"
 #include "base/mis.cl"
@@ -9,9 +10,7 @@
 #include "accel/spawn.cl"
 #include "accel/relief.cl"
 #include "accel/textured.cl"
-#if HAS_TANGENTS
 #include "accel/tangent.cl"
-#endif
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
@@ -21,12 +20,19 @@ typedef struct {
     Frame frame;    // shading frame on the viewer's side; of materials that light passes, on the front side
     float3 wo;      // towards the viewer, in the shading frame
     float3 normal;  // geometric, on the viewer's side
+#if HAS_RELIEF
+    float3 level;      // shading normal without relief
+    float roughening;  // of the relief's shadow
+#endif
     float cos_o;    // of the viewer's direction to the geometric front side
 #if HAS_TEXTURED
     Material material;  // its parameters at this point
 #else
     global const Material *material;
 #endif
+    uint number;    // of the material
+    uint medium;    // absorbing material that the path came through: its number + 1; 0: none
+    float4 state;   // throughput here; w = pdf of the direction that led here
 } PathVertex;
 
 static MATERIAL_SPACE const Material *material_of(const PathVertex *v)
@@ -47,16 +53,45 @@ typedef struct {
 typedef struct {
     Ray ray;
     float4 state;  // throughput; w = pdf of the direction
+    uint medium;
     int delta;
     int valid;
 } NextRay;
 
+// Absorption (Beer 1852) over a distance in the medium of that number.
+static float3 absorbed(global const Material *materials, const uint medium, const float distance)
+{
+#if HAS_ABSORPTION
+    const float3 depth = medium ? xyz(materials[medium - 1u].absorption) * distance : (float3)(0.0f);
+    return (float3)(exp_of(-depth.x), exp_of(-depth.y), exp_of(-depth.z));
+#else
+    return (float3)(1.0f);
+#endif
+}
+
+// Medium of a ray that leaves: only surfaces of absorbing materials change it, by the side (wi_z > 0: front).
+static uint medium_ahead(const PathVertex *v, const float wi_z)
+{
+#if HAS_ABSORPTION
+    return (material_of(v)->flags & MATERIAL_ABSORBS) ? (wi_z < 0.0f ? v->number + 1u : 0u) : v->medium;
+#else
+    return 0u;
+#endif
+}
+
 static PathVertex vertex_of(const Geometry g, global const Object *objects, global const Material *materials,
-                            const Ray ray, const Hit hit)
+                            const Ray ray, const Hit hit, const uint path_word, const float4 state)
 {
     PathVertex v;
+    v.medium = 0u;
+    v.state = state;
+#if HAS_ABSORPTION
+    v.medium = (path_word >> PATH_MEDIUM_SHIFT) & MOST_MEDIA;
+    v.state = make4(xyz(state) * absorbed(materials, v.medium, hit.t * length3(xyz(ray.direction))), state.w);
+#endif
     v.surface = surface_of(g, ray, hit);
-    global const Material *material = materials + objects[v.surface.object].material;
+    v.number = objects[v.surface.object].material;
+    global const Material *material = materials + v.number;
 #if HAS_TEXTURED
     v.material = textured_material(g, material, &v.surface);
 #else
@@ -67,7 +102,9 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     const int back = v.cos_o < 0.0f;
     v.normal = back ? -v.surface.ng : v.surface.ng;
 #if HAS_RELIEF
-    v.surface.n = relief_normal(g, material, &v.surface);
+    v.level = v.surface.n;
+    v.surface.n = towards_viewer(relief_normal(g, material, &v.surface), v.level, wo);
+    v.roughening = relief_roughening(v.surface.n, v.level);
 #endif
     float3 n = v.surface.n;
 #if HAS_TRANSMISSION
@@ -80,12 +117,34 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     const int hidden = !(dot3(n, wo) * (turn || !back ? 1.0f : -1.0f) > 0.0f);
     n = hidden ? (turn ? v.normal : v.surface.ng) : n;
 #if HAS_TANGENTS
-    v.frame = frame_along(n, tangent_of(g, v.surface));
+    const int stretched = (material->flags & MATERIAL_STRETCHED) != 0u;
+    v.frame = stretched ? frame_along(n, tangent_of(g, v.surface)) : frame_of(n);
 #else
     v.frame = frame_of(n);
 #endif
     v.wo = to_local(v.frame, wo);
     return v;
+}
+
+// Whether the surface shines.
+static int is_light(global const Object *objects, const PathVertex *v)
+{
+#if HAS_EMITTER
+    return objects[v->surface.object].light != NONE;
+#else
+    return 0;
+#endif
+}
+
+// Whether the side that the viewer sees scatters nothing.
+static int is_black(const PathVertex *v)
+{
+#if HAS_ONE_SIDED
+    if (v->cos_o < 0.0f && (material_of(v)->flags & MATERIAL_ONE_SIDED)) {
+        return 1;
+    }
+#endif
+    return material_of(v)->kind == MATERIAL_EMISSIVE;
 }
 
 // Whether light straight from its source is left to shadow rays: where an object stops these but not rays that scatter,
@@ -135,18 +194,18 @@ static float3 environment_seen(global const Light *lights, global const Settings
 
 static float3 emission_seen(global const Light *lights, global const Settings *settings, const Geometry g,
                             global const Object *objects, const PathVertex v, const Ray ray, const Hit hit,
-                            const uint path_edges, const float4 state)
+                            const uint path_edges)
 {
-#if HAS_EMISSIVE
-    if (material_of(&v)->kind != MATERIAL_EMISSIVE) {
+#if HAS_EMITTER
+    global const Object *object = objects + v.surface.object;
+    if (object->light == NONE) {
         return (float3)(0.0f);
     }
-    const float3 emitted = material_emit(material_of(&v), v.cos_o);
-    global const Object *object = objects + v.surface.object;
     const uint index = object->light + (hit.prim - object->first);
+    const float3 emitted = emitter_seen(lights + index, g, &v.surface, v.cos_o);
     const float3 wi = renormalize3(xyz(ray.direction));
     const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
-    return xyz(state) * emitted * chance_weight(settings, path_edges, state.w, pdf);
+    return xyz(v.state) * emitted * chance_weight(settings, path_edges, v.state.w, pdf);
 #else
     return (float3)(0.0f);
 #endif
@@ -154,7 +213,7 @@ static float3 emission_seen(global const Light *lights, global const Settings *s
 
 // Shadow ray to one light picked by power. The target is exact in the ray: origin plus direction is the light's point.
 static ShadowRay sample_direct(global const Light *lights, global const Settings *settings, const Geometry g,
-                               const PathVertex *v, const float3 throughput, const float4 u)
+                               global const Material *materials, const PathVertex *v, const float4 u)
 {
     ShadowRay out;
     out.valid = 0;
@@ -172,9 +231,16 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
         return out;
     }
-    const BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
+    BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
+#if HAS_RELIEF
+    bsdf.value = bsdf.value * relief_shadow(v->roughening, dot3(v->level, wi));
+#endif
     const float weight = light.delta || shadows_alone(settings) ? 1.0f : power_heuristic(pdf, bsdf.pdf);
-    out.light = throughput * bsdf.value * light.radiance * (weight / pdf);
+    out.light = xyz(v->state) * bsdf.value * light.radiance * (weight / pdf);
+#if HAS_ABSORPTION
+    const float distance = light.infinite ? 1.0e30f : sqrt_of(dot3(light.to, light.to));
+    out.light = out.light * absorbed(materials, medium_ahead(v, wi_local.z), distance);
+#endif
     const float3 origin = spawn_origin(&v->surface, wi);
     out.ray.origin = make4(origin, float_of(v->surface.prim));
     out.ray.direction = light.infinite ? make4(wi, T_MAX_FREE) : make4(light.to - (origin - v->surface.p), 1.0f);
@@ -184,8 +250,7 @@ static ShadowRay sample_direct(global const Light *lights, global const Settings
 }
 
 // Next direction by the material, then Russian roulette on the throughput (survivors weigh more).
-static NextRay sample_onward(global const Settings *settings, const PathVertex *v, const float3 throughput,
-                             const uint edge, const float4 u)
+static NextRay sample_onward(global const Settings *settings, const PathVertex *v, const uint edge, const float4 u)
 {
     NextRay out;
     out.valid = 0;
@@ -196,6 +261,7 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
     const int passes = (bsdf.flags & BSDF_TRANSMIT) ? side < 0.0f : side > 0.0f;
+    out.medium = medium_ahead(v, bsdf.wi.z);
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;
 #if HAS_LOCAL
     const int wanted = passes && out.delta && edge <= settings->reflection_depth;
@@ -205,7 +271,12 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     if (!wanted) {
         return out;
     }
-    float3 onward = throughput * bsdf.weight;
+#if HAS_RELIEF
+    const float passing = (bsdf.flags & BSDF_TRANSMIT) ? 1.0f : relief_shadow(v->roughening, dot3(v->level, wi));
+    float3 onward = xyz(v->state) * bsdf.weight * passing;
+#else
+    float3 onward = xyz(v->state) * bsdf.weight;
+#endif
     const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
 #if !HAS_LOCAL
     if (settings->roulette_start != 0u && edge >= settings->roulette_start) {

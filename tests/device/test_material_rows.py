@@ -30,13 +30,13 @@ def viewers(case: Case, angles: tuple[float, ...]) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("case", LOBES)
 def test_samples_follow_their_density_and_weigh_value_over_density(device, case):
-    """Chi-square over boxes that follow the lobes; single directions count as samples outside of all boxes."""
+    """Chi-square over boxes that follow the lobes; the share of samples that have a density is its integral."""
     materials, model = Materials(device), Model.from_scene(case.material)
     for number, wo in enumerate(viewers(case, (0, 50, 85))):
         pilot, _, pdf, flags = materials.sample(model, wo, numbers(100 + number, 2**16))
         boxes = Boxes.around(pilot[(pdf > 0) & ~(flags & DELTA).astype(bool)])
         expected = boxes.integrate(lambda w, wo=wo: materials.eval(model, wo, w)[1].astype(float))
-        assert expected.min() >= 0 and expected.sum() <= 1 + 1e-4
+        assert expected.min() >= 0 and expected.sum() <= 1 + 1e-3
 
         wi, weight, pdf, flags = materials.sample(model, wo, numbers(200 + number, SAMPLES))
         assert np.isfinite(wi).all() and np.isfinite(weight).all() and np.isfinite(pdf).all()
@@ -45,9 +45,9 @@ def test_samples_follow_their_density_and_weigh_value_over_density(device, case)
         assert (weight[pdf <= 0] == 0).all()
         through = (flags[kept] & TRANSMIT) > 0
         assert np.array_equal(through, wi[kept, 2] * wo[2] < 0)
-        lost = max(1 - expected.sum(), 0.0)
-        seen = np.append(boxes.count(wi[kept]), SAMPLES - kept.sum())
-        z = chi_square_z(seen, SAMPLES * np.append(expected, lost))
+        share = kept.mean()
+        assert abs(expected.sum() - share) < 3e-3 + 5 * np.sqrt(share * (1 - share) / SAMPLES)
+        z = chi_square_z(boxes.count(wi[kept]), expected * (kept.sum() / expected.sum()))
         assert z < Z_ONE_IN_A_MILLION, (wo, z)
 
         some = np.flatnonzero(kept)[:50_000]
@@ -66,19 +66,20 @@ def test_no_more_light_leaves_than_arrives(device, case):
         bend = case.eta if wo[2] > 0 else 1 / case.eta
         power = weight * np.where(flags & TRANSMIT, bend * bend, 1.0)[:, None]
         mean, error = power.mean(axis=0, dtype=float), power.std(axis=0, dtype=float) / 2**7.5
-        assert (mean <= 1 + 4 * error + 1e-6).all() and (weight >= 0).all()
+        most = 1 + case.gains + (case.near if case.lossless else 0) + 1e-6
+        assert (mean <= most + 4 * error).all() and (weight >= 0).all()
 
 
 @pytest.mark.parametrize("case", LOSSLESS)
 def test_a_white_furnace_stays_white(device, case):
-    """Nothing is lost, up to masking at the narrowest roughness."""
+    """Nothing is lost, up to masking at the narrowest roughness, and to the fits of energy compensation."""
     materials, model = Materials(device), Model.from_scene(case.material)
     for number, wo in enumerate(viewers(case, (0, 45, 75))):
         _, weight, _, flags = materials.sample(model, wo, numbers(400 + number, 2**16))
         bend = case.eta if wo[2] > 0 else 1 / case.eta
         power = weight * np.where(flags & TRANSMIT, bend * bend, 1.0)[:, None]
         error = power.std(axis=0, dtype=float) / 2**8
-        assert (np.abs(power.mean(axis=0, dtype=float) - 1) <= 4 * error + 1e-4).all()
+        assert (np.abs(power.mean(axis=0, dtype=float) - 1) <= 4 * error + case.near).all()
 
 
 @pytest.mark.parametrize("case", [param for param in LOBES if param.values[0].symmetric])

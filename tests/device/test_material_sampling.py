@@ -102,17 +102,13 @@ def test_the_smoothest_metal_is_a_fresnel_mirror(device, roughness):
     wo, materials = direction(0), Materials(device)
     wi, weight, pdf, flags = materials.sample(metal(roughness), wo, numbers(4, 16))
     assert np.array_equal(wi, np.tile(wo, (16, 1))) and (pdf == 1).all() and (flags == 1).all()
-    assert np.abs(weight - materials.constant(metal(roughness), wo)[0]).max() < 4 * ULP
+    assert np.abs(weight - materials.constant(metal(roughness), wo)).max() < 4 * ULP
     value, density = materials.eval(metal(roughness), wo, np.tile(wo, (2, 1)))
     assert not value.any() and not density.any()
 
 
-def test_emitters_shine_from_their_front_and_reflect_nothing(device):
-    materials = Materials(device)
+def test_emitters_reflect_nothing(device):
+    materials, front = Materials(device), direction(60)
     one = Model.of("emissive", radiance=(1, 2, 3), two_sided=0)
-    both = Model.of("emissive", radiance=(1, 2, 3), two_sided=1)
-    front, back, edge = direction(60), -direction(60), np.array([1, 0, 0])
-    assert [list(materials.constant(one, w)[1]) for w in (front, back, edge)] == [[1, 2, 3], [0, 0, 0], [0, 0, 0]]
-    assert [list(materials.constant(both, w)[1]) for w in (front, back, edge)] == [[1, 2, 3], [1, 2, 3], [0, 0, 0]]
     wi, weight, pdf, _ = materials.sample(one, front, numbers(5, 16))
     assert not weight.any() and not pdf.any() and not materials.eval(one, front, wi)[0].any()

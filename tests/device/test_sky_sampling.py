@@ -69,7 +69,7 @@ def expected_counts(sky: Sky, cells: tuple[int, int], fine: int = 16) -> np.ndar
 def test_samples_follow_their_density(device, name: str) -> None:
     """Chi-square over cells four times as fine as the texels; the density's integral is 1."""
     texels = MAPS.get(name, MAPS["noise"])
-    sky = Sky(device, texels, at_poles=name == "at the poles")
+    sky = Sky(device, texels, beyond=1 / len(texels) if name == "at the poles" else 0.0)
     cells = (4 * texels.shape[0], 4 * texels.shape[1])
     expected = expected_counts(sky, cells)
     assert abs(expected.sum() - 1) <= 2e-3
@@ -129,7 +129,7 @@ def test_rows_may_lie_at_the_poles(device) -> None:
     """Row j is then seen exactly at the latitude j / (rows - 1) from the top."""
     texels = noise(5, 8)
     v, u = np.meshgrid(np.arange(5) / 4, (np.arange(8) + 0.5) / 8, indexing="ij")
-    sky = Sky(device, texels, at_poles=True)
+    sky = Sky(device, texels, beyond=1 / 5)
     seen, _ = sky.seen(directions(u.ravel(), np.clip(v.ravel(), 1e-4, 1 - 1e-4)))
     assert np.abs(seen.reshape(5, 8, 3) - texels).max() <= 2e-3 * texels.max()
     got = sky.sample(numbers(9, 100_000)[:, :2])
@@ -181,3 +181,39 @@ def test_a_row_that_is_black_has_no_share() -> None:
     texels[3:5] = 0.0
     shares = np.diff(sky_shares(texels)[:9].astype(np.int64), prepend=0)
     assert shares[4] == 0 and (np.delete(shares, 4) > 0).all()
+
+
+TALL = {name: MAPS[name] for name in ("noise", "hot", "hot at the pole", "one texel", "constant")}
+
+
+def bilinear(texels: np.ndarray, u: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """(n, 3) float64: columns by centres, wrapped; `row` counts from the middle of the first row."""
+    height, width = texels.shape[:2]
+    x, low = u * width - 0.5, np.clip(np.floor(row).astype(int), 0, height - 2)
+    left, across, down = np.floor(x).astype(int), (x - np.floor(x))[:, None], (row - low)[:, None]
+    picked = [[texels[low + i, (left + j) % width].astype(float) for j in (0, 1)] for i in (0, 1)]
+    upper, lower = (pair[0] + across * (pair[1] - pair[0]) for pair in picked)
+    return upper + down * (lower - upper)
+
+
+@pytest.mark.parametrize("name", TALL)
+def test_poles_may_lie_in_the_middle_of_rows(device, name: str) -> None:
+    """Latitude then runs from the first row's middle to the last one's; the density stays that of the samples."""
+    texels = TALL[name]
+    height = len(texels)
+    sky = Sky(device, texels, beyond=1 / height)
+    generator = np.random.default_rng(8)
+    u, v = generator.random(20_000), generator.random(20_000)
+    seen, _ = sky.seen(directions(u, v))
+    expected = bilinear(texels, u, v * (height - 1))
+    assert np.abs(seen - expected).max() <= 2e-5 * texels.max() * max(texels.shape)
+    cells = (4 * height, 4 * texels.shape[1])
+    shares = expected_counts(sky, cells)
+    assert abs(shares.sum() - 1) <= 2e-3
+    got = sky.sample(numbers(9, SAMPLES)[:, :2])
+    assert (got.pdf > 0).all() and np.isfinite(got.pdf).all()
+    down, along = coordinates(got.to)[::-1]
+    counts, _, _ = np.histogram2d(down, along, bins=cells, range=((0, 1), (0, 1)))
+    likely = shares > 20 / SAMPLES
+    error = (counts - shares * SAMPLES)[likely] / np.sqrt(shares[likely] * SAMPLES)
+    assert np.abs(error).max() <= 8 and (error**2).mean() <= 1.3

@@ -166,8 +166,8 @@ def test_metals_are_those_of_the_reference_pictures() -> None:
 
 @pytest.mark.parametrize(
     ("shape", "vertices"),
-    [('<shape type="cylinder"/>', 256), ('<shape type="cylinder"><point name="p0" x="1" y="2" z="3"/>'
-      '<point name="p1" x="1" y="7" z="3"/><float name="radius" value="2"/></shape>', 256)],
+    [('<shape type="cylinder"/>', 514), ('<shape type="cylinder"><point name="p0" x="1" y="2" z="3"/>'
+      '<point name="p1" x="1" y="7" z="3"/><float name="radius" value="2"/></shape>', 514)],
 )  # fmt: skip
 def test_cylinder_is_a_tube_with_its_front_outside(shape: str, vertices: int, tmp_path: Path) -> None:
     flat = loaded(tmp_path, shape).flatten()

@@ -22,6 +22,10 @@ SAMPLES = {
     "rough_conductor": rt.RoughConductor("gold"),
     "conductor": rt.Conductor(eta=1.5, k=(2, 3, 4)),
     "rough_dielectric": rt.RoughDielectric(1.5, roughness_v=0.2),
+    "plastic": rt.Plastic(0.2, nonlinear=True),
+    "rough_plastic": rt.RoughPlastic(0.2, roughness=0.2),
+    "principled": rt.Principled(0.2, metallic=0.5),
+    "thin_film": rt.ThinFilm(300.0, ior=1.5),
     "thin_dielectric": rt.ThinDielectric(1.5),
     "dielectric": rt.Dielectric(1.5, exterior_ior=1.25),
 }
@@ -76,7 +80,7 @@ def test_every_key_has_a_line_of_help() -> None:
 def test_defaults_pass_their_own_check(tmp_path: Path) -> None:
     for name, options in kinds()["materials"].items():
         keys = {option.key: option.default for option in options if option.default is not None}
-        if name in ("emissive", "conductor", "rough_conductor"):
+        if name in ("emissive", "conductor", "rough_conductor", "thin_film"):
             continue  # these have keys without a default
         assert MATERIALS[name](**keys) == MATERIALS[name]()
 

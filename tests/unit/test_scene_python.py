@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 import raytide.scene as rt
 from raytide.errors import SceneError
@@ -81,7 +82,7 @@ def test_any_scene_survives_both_formats_bit_for_bit(  # type: ignore[no-untyped
 def test_edits_are_checked_and_a_refused_one_changes_nothing(tmp_path: Path) -> None:
     scene = bunny_scene(tmp_path)
     scene["bunny"].material.roughness = 0.1
-    assert scene.materials["bunny"].parameters()[-2] == ("roughness_v", (0.1,))
+    assert dict(scene.materials["bunny"].parameters())["roughness_v"] == (0.1,)
     with pytest.raises(SceneError, match="roughness: came 7; wanted a number from 0.0001 to 1"):
         scene["bunny"].material.roughness = 7
     assert scene["bunny"].material.roughness == 0.1
@@ -239,6 +240,8 @@ def test_documented_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "meshes").mkdir()
     for place in ("bunny.ply", "meshes/bunny.ply"):
         (tmp_path / place).write_text(ply)
+    for place in ("wood.jpg", "wear.png"):
+        Image.new("RGB", (4, 4), (128, 128, 128)).save(tmp_path / place)
     (tmp_path / "scene.toml").write_text(blocks["toml"])
     assert rt.load(tmp_path / "scene.toml").warnings() == []
     monkeypatch.chdir(tmp_path)

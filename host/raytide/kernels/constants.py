@@ -11,6 +11,10 @@ EDGE_BINS = 16  # path edges 1..15 are counted apart, 16 and more together
 COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
+ABSORBS = 2  # flag of a material record: what is behind the surface absorbs
+STRETCHED = 4  # flag of a material record: its shading frame follows the surface's tangent
+ONE_SIDED = 8  # flag of a material record: the back is black
+MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
 SLOT_NORMALS, SLOT_HEIGHTS = 4, 5  # widths that mark slots which are no parameter: normal map, bump map
@@ -32,7 +36,11 @@ _UNSIGNED = {
     "SLOT_NORMALS": SLOT_NORMALS,
     "SLOT_HEIGHTS": SLOT_HEIGHTS,
     **{f"WRAP_{name.upper()}": place for place, name in enumerate(WRAPS)},
+    "MATERIAL_ONE_SIDED": ONE_SIDED,
     "MATERIAL_TRANSMITS": TRANSMITS,
+    "MATERIAL_ABSORBS": ABSORBS,
+    "MATERIAL_STRETCHED": STRETCHED,
+    "MOST_MEDIA": MOST_MEDIA,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
     **{f"PROBE_{name.upper()}": place for place, name in enumerate(PROBES)},

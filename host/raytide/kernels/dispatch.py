@@ -92,11 +92,6 @@ def _material(features: Features) -> str:
         + _switch("m->kind", "MATERIAL", present, "{kind}_value(load_{kind}(m), wo, wi)", "no_bsdf_value()")
         + "\n}"
     )
-    emits = "emissive_emit(load_emissive(m), cos_o)" if "emissive" in present else "(float3)(0.0f)"
-    out.append(
-        "static float3 material_emit(MATERIAL_SPACE const Material *m, const float cos_o)\n{\n"
-        f"    return m->kind == MATERIAL_EMISSIVE ? {emits} : (float3)(0.0f);\n}}"
-    )
     return "\n".join(out) + "\n"
 
 

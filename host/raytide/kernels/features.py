@@ -48,6 +48,9 @@ class Features:
     sobol: bool = True  # else plain random numbers
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
+    one_sided: bool = False  # any material that names whether its back is like its front
+    absorption: bool = False  # any material whose inside absorbs
+    compensation: bool = False  # any rough metal that gives back what further facets reflect
     tangents: bool = False  # any material that differs along the surface's two directions
     instances: bool = False  # meshes that several objects share
     visibility: bool = False  # objects that some kinds of ray do not meet
@@ -71,7 +74,7 @@ class Features:
         on["lights"] = bool(self.lights)
         on["sky"] = any(light in SKIES for light in self.lights)
         on["textured"] = bool(self.textures) or self.relief  # materials
-        on["textures"] = on["textured"] or "environment_map" in self.lights  # buffers of texels
+        on["textures"] = on["textured"] or "environment_map" in self.lights or self.tangents  # buffers of texels and uv
         on["triangles"] |= self.instances  # which are made of them
         on["compact"] = self.compact and self.tree
         return dict(sorted(on.items()))

@@ -184,9 +184,10 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
+        ("float4", "absorption", "1/m", "xyz; of what is behind the surface"),
         *[
             ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(MATERIAL_FLOATS // 4)
         ],
@@ -199,7 +200,7 @@ _TABLE = (
         ("uint", "alias", "", "light picked where u exceeds the threshold"),
         ("float", "threshold", "", "share of this slot that stays with this light"),
         ("float4", "position", "m", "xyz; w = probability of being picked"),
-        ("float4", "direction", "", "unit; the way the light travels; emitting triangle: its normal"),
+        ("float4", "direction", "", "unit; the way the light travels; triangle: its normal; sky: w = beyond its poles"),
         ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance; w = bits of a slot"),
         ("float4", "extra", "", "spot: cosines, angles of cutoff, fall-off; emitter: x two-sided, y area, z never met"),
     ),

@@ -12,7 +12,7 @@ from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.sky import patch_light
-from raytide.render.textures import PackedTextures, sky_radiance
+from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
 from raytide.scene.flatten import FlatScene
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from raytide.scene.materials import Material
@@ -106,9 +106,11 @@ def _sky(row: np.ndarray, light: EnvironmentLight, flat: FlatScene, textures: Pa
         return 0.0
     row["prim"] = textures.sky
     row["radiance"][:3] = light.scale
+    beyond = beyond_poles(light, flat.textures.sky)
+    row["direction"][3] = beyond
     for member, axis in zip(("position", "direction", "extra"), matrix_of(light.transform)[:3, :3].T, strict=True):
         row[member][:3] = axis  # where the picture's own axes point
-    return light.scale * float(patch_light(sky_radiance(flat.textures.sky), flat.textures.sky_at_poles).sum()) / 4
+    return light.scale * float(patch_light(sky_radiance(flat.textures.sky), beyond).sum()) / 4
 
 
 def _texture(rows: np.ndarray, material: Material, index: int, textures: PackedTextures) -> np.ndarray:

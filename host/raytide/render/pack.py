@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.accel import FlatGeometry
-from raytide.kernels.constants import HIDDEN, RAY_KINDS, TRANSMITS
+from raytide.errors import UsageError
+from raytide.kernels.constants import ABSORBS, HIDDEN, MOST_MEDIA, ONE_SIDED, RAY_KINDS, STRETCHED, TRANSMITS
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
@@ -18,6 +19,7 @@ from raytide.render.lights import pack_lights
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
+from raytide.scene.materials import Emissive
 
 
 @dataclass(frozen=True)
@@ -59,16 +61,19 @@ class PackedScene:
 
 def features_of(flat: FlatScene, everything: bool = False) -> Features:
     """The switches that the scene's kinds and keys ask for; `everything` turns on all that can be combined."""
-    from raytide.scene.materials import MATERIALS, SWITCHES
+    from raytide.scene.material_parts import SWITCHES
+    from raytide.scene.materials import MATERIALS
     from raytide.scene.shapes import ANALYTIC_KINDS
 
     render, camera = flat.render, flat.camera
     seen = [thing for thing in flat.objects if thing.visible_to]
-    used = {flat.materials[thing.material].type for thing in seen}  # named but unused ones cost nothing
+    shining = any(flat.materials[thing.material].type == "emissive" for thing in seen)
+    surfaces = [flat.materials[surface_of(flat, thing.material)] for thing in seen]
+    used = {model.type for model in surfaces}  # named but unused ones cost nothing
     present = set(MATERIALS) if everything else used
-    asked = {name for thing in flat.objects for name in flat.materials[thing.material].switches()}
+    asked = {name for model in surfaces for name in model.switches()}
     lights = {light.kernel for light in flat.lights}
-    if "emissive" in used:
+    if shining:
         lights.add("emitter")
     if everything:
         lights = set(kinds("light"))
@@ -93,8 +98,18 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     )
 
 
+def surface_of(flat: FlatScene, material: int) -> int:
+    """The index of the material that a surface of material `material` scatters by: the base of one that shines."""
+    model = flat.materials[material]
+    base = model.base if isinstance(model, Emissive) else None
+    return material if base is None else flat.material_names.index(base)
+
+
 def pack(flat: FlatScene, features: Features) -> PackedScene:
-    """Records of `flat`, relative to its camera, as kernels with `features` read them."""
+    """Records of `flat`, relative to its camera, as kernels with `features` read them. UsageError where absorbing
+    materials are too many to be told apart."""
+    if features.absorption and len(flat.materials) > MOST_MEDIA:
+        raise UsageError(f"came {len(flat.materials)} materials, some of which absorb; wanted {MOST_MEDIA} at most")
     origin = np.asarray(flat.camera.origin, np.float64)
     planes_first = sorted(range(len(flat.shapes)), key=lambda j: flat.shapes[j].kind != "plane")
     meshes = pack_meshes(flat)
@@ -179,7 +194,7 @@ def _objects(flat: FlatScene, planes_first: list[int]) -> np.ndarray:
     place_of = {j: place for place, j in enumerate(planes_first)}
     ids = first_ids(flat)
     for row, thing in zip(objects, flat.objects, strict=True):
-        row["material"] = thing.material
+        row["material"] = surface_of(flat, thing.material)
         row["light"] = NONE
         analytic = thing.shape >= 0
         row["first"] = len(flat.triangles) + place_of[thing.shape] if analytic else thing.first_triangle
@@ -192,7 +207,11 @@ def _materials(flat: FlatScene) -> np.ndarray:
     materials = np.zeros(len(flat.materials), RECORDS["Material"].dtype)
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
-        row["flags"] = TRANSMITS if model.TRANSMITS else 0
+        absorption = np.asarray(getattr(model, "absorption", (0.0, 0.0, 0.0)))
+        one_sided = not model.two_sided and model.type != "emissive"
+        row["flags"] = (TRANSMITS if model.transmits else 0) | (ABSORBS if absorption.any() else 0)
+        row["flags"] |= (STRETCHED if "tangents" in model.switches() else 0) | (ONE_SIDED if one_sided else 0)
+        row["absorption"][:3] = absorption
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x

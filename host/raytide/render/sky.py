@@ -13,29 +13,23 @@ WHOLE = 1 << 24
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
 
 
-def sky_rows(height: int, at_poles: bool) -> tuple[float, float]:
-    """Scale and shift from latitude, 0 to 1 from the top, to the place in the picture: the first and the last row lie
-    half a row from the poles, or at them."""
-    return ((height - 1) / height, 0.5 / height) if at_poles else (1.0, 0.0)
-
-
-def sky_shares(texels: np.ndarray, at_poles: bool = False) -> np.ndarray:
+def sky_shares(texels: np.ndarray, beyond: float = 0.0) -> np.ndarray:
     """(h + 1 + (h + 1) w,) uint32 of texels (h, w, 3), linear and not negative: where the share of each row ends, then
-    of each patch in its row. All zero for a black picture."""
-    weights = patch_light(texels, at_poles)
+    of each patch in its row. All zero for a black picture. `beyond`: see patch_light."""
+    weights = patch_light(texels, beyond)
     rows = _ends(weights.sum(axis=1)[None])
     return np.concatenate([rows.ravel(), _ends(weights).ravel()])
 
 
-def patch_light(texels: np.ndarray, at_poles: bool = False) -> np.ndarray:
-    """(h + 1, w) float64: mean luminance times solid angle [W/m^2] of each patch."""
+def patch_light(texels: np.ndarray, beyond: float = 0.0) -> np.ndarray:
+    """(h + 1, w) float64: mean luminance times solid angle [W/m^2] of each patch. `beyond` is the share of the
+    picture's height that lies beyond the poles, half of it at each: 1 / h where they are the middles of rows."""
     height = len(texels)
     light = texels.astype(np.float64) @ _LUMINANCE
     padded = np.concatenate([light[:1], light, light[-1:]])
     mean = (padded[:-1] + padded[1:]) / 2
     mean = (mean + np.roll(mean, -1, axis=1)) / 2
-    scale, shift = sky_rows(height, at_poles)
-    edges = np.clip(((np.arange(height + 2) - 0.5) / height - shift) / scale, 0.0, 1.0)
+    edges = np.clip(((np.arange(height + 2) - 0.5) / height - beyond / 2) / (1 - beyond), 0.0, 1.0)
     cosines = np.cos(np.pi * edges)
     solid = (cosines[:-1] - cosines[1:]) * (2 * np.pi / texels.shape[1])
     return mean * solid[:, None]

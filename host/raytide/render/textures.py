@@ -12,8 +12,10 @@ from raytide.importers.srgb import linear_of_bytes
 from raytide.kernels.constants import SLOT_HEIGHTS, SLOT_NORMALS, WRAPS
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
-from raytide.render.sky import sky_rows, sky_shares
+from raytide.render.sky import sky_shares
 from raytide.scene.flatten import FlatScene
+from raytide.scene.layered import layers_of
+from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.materials import Material
 from raytide.scene.painted import FlatTextures
 from raytide.scene.texture_check import range_of
@@ -66,21 +68,28 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
             raw = getattr(textures.models[name], "raw", False)
             _add_texels(row, textures.texels[name], words, raw)
     if textures.sky is not None:
-        _add_sky(table[-1], textures.sky, textures.sky_at_poles, words)
-    used = {thing.material for thing in flat.objects}
+        skies = [light for light in flat.lights if light.kernel == "environment_map"]
+        beyond = beyond_poles(skies[0], textures.sky) if skies else 0.0
+        _add_sky(table[-1], textures.sky, words, beyond)
+    used = {flat.material_names.index(name) for thing in flat.objects for name in _layers(flat, thing.material)}
     slots = _slots([flat.materials[i] if i in used else None for i in range(len(flat.materials))], names, materials)
     read = features.textures
+    reads_uv = features.tangents or {"bitmap", "checkerboard"} & set(read)
     return PackedTextures(
         table=table,
         slots=slots,
         texels=np.concatenate(words) if words else np.zeros(0, np.uint32),
-        uvs=_rows(textures.uv, flat.stored_vertices if {"bitmap", "checkerboard"} & set(read) else 0, 2),
+        uvs=_rows(textures.uv, flat.stored_vertices if reads_uv else 0, 2),
         colors=_colors(textures, flat, "mesh_attribute" in read),
         face_colors=flat.stored_vertices,
         sky=len(names),
         means={name: _mean(model, textures.texels.get(name)) for name, model in textures.models.items()},
         first_slots=materials["first_slot"],
     )
+
+
+def _layers(flat: FlatScene, material: int) -> tuple[str, ...]:
+    return layers_of(dict(zip(flat.material_names, flat.materials, strict=True)), flat.material_names[material])
 
 
 def _tables() -> np.ndarray:
@@ -131,13 +140,18 @@ def _add_texels(row: np.ndarray, texels: np.ndarray, words: list[np.ndarray], ra
         words.append(np.ascontiguousarray(texels, np.float32).view(np.uint32).ravel())
 
 
-def _add_sky(row: np.ndarray, texels: np.ndarray, at_poles: bool, words: list[np.ndarray]) -> None:
+def _add_sky(row: np.ndarray, texels: np.ndarray, words: list[np.ndarray], beyond: float) -> None:
     """Texels and the distribution of patches. Negative values become 0."""
     linear = sky_radiance(texels)
     _add_texels(row, linear, words, raw=False)
     row["patches"] = sum(len(part) for part in words)
-    row["row_v"][1:3] = sky_rows(len(linear), at_poles)
-    words.append(sky_shares(linear, at_poles))
+    words.append(sky_shares(linear, beyond))
+
+
+def beyond_poles(light: Light, texels: np.ndarray) -> float:
+    """Share of the sky's picture (h, w, 3) that lies beyond its poles; a picture of one row has none beyond."""
+    rows = isinstance(light, EnvironmentLight) and light.poles == "rows" and len(texels) > 1
+    return 1.0 / len(texels) if rows else 0.0
 
 
 def sky_radiance(texels: np.ndarray) -> np.ndarray:

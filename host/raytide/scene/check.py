@@ -10,8 +10,10 @@ import numpy as np
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.instances import Shown, ShownObjects, shown_objects
+from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight, Light
-from raytide.scene.materials import Emissive, Material
+from raytide.scene.material_parts import Material
+from raytide.scene.materials import Emissive
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Instance, Mesh, Shape
 from raytide.scene.texture_check import texture_problems, texture_warnings
@@ -33,7 +35,8 @@ def scene_problems(scene: Scene, shown: ShownObjects | None = None) -> list[Prob
     ]
     if strangers:
         return strangers
-    found = object_problems(scene, list(scene.materials), shown) + light_problems(scene)
+    found = base_problems(scene, list(scene.materials)) + object_problems(scene, list(scene.materials), shown)
+    found += light_problems(scene)
     return found + texture_problems(scene, list(scene.textures))
 
 
@@ -42,6 +45,20 @@ def light_problems(scene: Scene) -> list[Problem]:
     skies = [name for name, light in scene.lights.items() if isinstance(light, EnvironmentLight)]
     came = f"an environment beside {ascii(skies[0])}" if skies else ""
     return [Problem(path_words(("lights", name)), came, "at most one environment") for name in skies[1:]]
+
+
+def base_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:
+    """Materials that shine over a base that is none; `material_names` as for objects."""
+    problems = []
+    for name, material in scene.materials.items():
+        base = material.base if isinstance(material, Emissive) else None
+        others = [other for other in material_names if not isinstance(scene.materials.get(other), Emissive)]
+        if base is not None and base not in others:
+            shines = base in material_names
+            came = f"{ascii(base)}, which shines itself" if shines else f"the unknown material {ascii(base)}"
+            hint = None if shines else nearest(base, others)
+            problems.append(Problem(path_words(("materials", name, "base")), came, list_words(others), hint=hint))
+    return problems
 
 
 def object_problems(
@@ -117,7 +134,7 @@ def _mesh_problems(scene: Scene, name: str, shape: Mesh) -> list[Problem]:
 def scene_warnings(scene: Scene, shown_before: ShownObjects | None = None) -> list[str]:
     """What looks wrong but does not stop a render; `shown_before` spares finding out what objects show once more."""
     shown = (shown_before or shown_objects(scene.objects)).by_name
-    used = {found.material for found in shown.values()}
+    used = {name for found in shown.values() for name in layers_of(scene.materials, found.material)}
     found = [*scene.notes, *(f"materials.{name}: no object uses it" for name in scene.materials if name not in used)]
     named = {shape.of for shape in scene.objects.values() if isinstance(shape, Instance)}
     for name, shape in scene.objects.items():

@@ -81,10 +81,10 @@ class EnvironmentLight(Light):
     type: Literal["environment"] = "environment"
     radiance: Emission | None = key(None, unit="W/(sr m^2)", doc="radiance from all around")
     file: str | None = key(None, doc="EXR, HDR, PNG or JPEG file, latitude and longitude, the top at +y")
-    rows: Literal["centres", "poles"] = key(
-        "centres", doc="first and last rows of the picture: half a row from the poles, or at them"
-    )
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
+    poles: Literal["edges", "rows"] = key(
+        "edges", doc="where the poles of a picture lie: on its edges, or in the middle of its first and last row"
+    )
     transform: Annotated[list[Step], Kind("a list of steps that turn the picture")] = Field(
         default_factory=list, description="steps applied in order; together a rotation"
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.camera import CAMERAS
-from raytide.scene.check import light_problems, object_problems
+from raytide.scene.check import base_problems, light_problems, object_problems
 from raytide.scene.describe import value_words
 from raytide.scene.layers import Layer, Override, apply_overrides, overrides_of, parse_override
 from raytide.scene.mitsuba import Mitsuba, read_mitsuba
@@ -106,6 +106,7 @@ def _build(raw: dict[str, Any], folder: Path, allow_outside: bool) -> tuple[Scen
         if name not in scene.objects and isinstance(table, dict) and isinstance(table.get("material", ""), str):
             scene.objects[name] = _stand_in(table, raw.get("materials"))
     written = raw.get("materials", {})
+    problems += base_problems(scene, list(written) if isinstance(written, dict) else [])
     problems += object_problems(scene, list(written) if isinstance(written, dict) else [])
     problems += light_problems(scene)
     textures = raw.get("textures", {})

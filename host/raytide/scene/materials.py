@@ -5,66 +5,21 @@ To add one, write its class here and its `cl/material/NAME.cl`; PARAMETERS is th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from raytide.scene.model import Table
+from raytide.scene.material_parts import Body, Boundary, Facets, Material, Metal, Preset, StretchedFacets
 from raytide.scene.presets import CONDUCTORS
-from raytide.scene.textured import allow_texture, texture_of
+from raytide.scene.rough_albedo import coat_fit, diffuse_reflectance, loss_fit, metal_diffuse_reflectance
 from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, check_product, key
-
-Distribution = Literal["ggx", "beckmann"]
-Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
-
-
-SWITCHES = ("beckmann", "tangents", "transmission")  # of kernels/features.py, that materials turn on
-
-
-class Material(Table):
-    """How a surface answers light."""
-
-    PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = ()
-    TRANSMITS: ClassVar[bool] = False  # light passes: the kernels then tell the front from the back
-    RELIEF: ClassVar[tuple[str, ...]] = ("normal_map", "bump_map")
-    type: str
-    normal_map: str | None = key(None, doc="texture of normals: red along u, green along v, blue outwards")
-    bump_map: str | None = key(None, doc="bitmap of heights")
-    bump_scale: Number = key(1.0, unit="m", doc="height where the bump map is 1")
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **unused: Any) -> None:
-        """Colours and numbers that the device gets under their own name may be textures."""
-        for name, width in cls.PARAMETERS:
-            if name in cls.model_fields and cls.model_fields[name].annotation is not bool:
-                allow_texture(cls.model_fields[name], width)
-
-    def switches(self) -> frozenset[str]:
-        """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""
-        return frozenset({"transmission"} if self.TRANSMITS else ())
-
-    def parameters(self) -> list[tuple[str, tuple[float, ...]]]:
-        """What the device gets, in PARAMETERS order: a colour as 3 floats, a number as 1."""
-        return [
-            (name, tuple(float(number) for number in np.ravel(self.parameter(name)))) for name, _ in self.PARAMETERS
-        ]
-
-    def parameter(self, name: str) -> Any:
-        """One device parameter; a material whose file keys differ from it overrides this. It must be proportional to
-        the key of the same name: a texture in the place of a key counts as 1 here and scales what comes out."""
-        return getattr(self, name)
-
-    def textures(self) -> dict[str, str]:
-        """Textured device parameters, then normal or bump map: name to name of the texture."""
-        found = {name: texture_of(getattr(self, name, None)) for name, _ in self.PARAMETERS}
-        found |= {name: getattr(self, name) for name in self.RELIEF}
-        return {name: texture for name, texture in found.items() if texture is not None}
 
 
 class Emissive(Material):
-    """A surface that shines on the side of its normal and reflects nothing."""
+    """A surface that shines on the side of its normal; it reflects nothing unless it has a base."""
 
     PARAMETERS = (("radiance", 3), ("two_sided", 1))
     FIRST: ClassVar[str] = "radiance"
@@ -72,6 +27,7 @@ class Emissive(Material):
     radiance: Emission = key(unit="W/(sr m^2)", doc="radiance, the same in all directions")
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
     two_sided: Flag = key(False, doc="whether the back shines too")
+    base: str | None = key(None, doc="name of the material whose reflection and transmission the surface has, too")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -112,60 +68,6 @@ class Glossy(Material):
     roughness: Number = key(0.2, low=1e-4, high=1, doc="GGX alpha of the specular part")
 
 
-class Metal(Material):
-    """What metals share: a preset, or eta and k."""
-
-    FIRST: ClassVar[str] = "preset"
-    preset: Preset | None = key(None, doc="a measured metal")
-    eta: Index | None = key(None, doc="real part of the index of refraction")
-    k: Index | None = key(None, doc="imaginary part of the index of refraction")
-    specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what is reflected")
-
-    @model_validator(mode="after")
-    def _one_metal(self) -> Self:
-        given = [name for name in ("preset", "eta", "k") if getattr(self, name) is not None]
-        if given not in (["preset"], ["eta", "k"]):
-            raise ValueError(f"came {' and '.join(given) or 'no metal'}; wanted either preset, or both eta and k")
-        if self.eta is not None and not min(self.eta) > 0:
-            raise ValueError(f"came eta = {list(self.eta)}; wanted numbers above 0")
-        return self
-
-    def parameter(self, name: str) -> Any:
-        if self.preset is not None and name in ("eta", "k"):
-            return getattr(CONDUCTORS[self.preset], name)
-        return super().parameter(name)
-
-
-class Facets(Material):
-    """What rough surfaces share: the law of their facets, and alpha along both axes of the shading frame."""
-
-    roughness: Number = key(0.1, low=1e-4, high=1, doc="alpha of the facets")
-    distribution: Distribution = key("ggx", doc="law of the facets' slopes")
-
-    def switches(self) -> frozenset[str]:
-        return super().switches() | ({"beckmann"} if "distribution" in self.model_fields_set else set())
-
-    def parameter(self, name: str) -> Any:
-        return self.distribution == "beckmann" if name == "beckmann" else super().parameter(name)
-
-
-class StretchedFacets(Facets):
-    """Facets whose alpha may differ along the surface's two directions."""
-
-    roughness_u: Number | None = key(None, low=1e-4, high=1, doc="alpha along u; by default roughness")
-    roughness_v: Number | None = key(None, low=1e-4, high=1, doc="alpha along v; by default roughness")
-
-    def switches(self) -> frozenset[str]:
-        stretched = self.model_fields_set & {"roughness_u", "roughness_v"}
-        return super().switches() | ({"tangents"} if stretched else set())
-
-    def parameter(self, name: str) -> Any:
-        if name in ("roughness_u", "roughness_v"):
-            given = getattr(self, name)
-            return self.roughness if given is None else given
-        return super().parameter(name)
-
-
 class Conductor(Metal):
     """A smooth metal: a preset, or eta and k."""
 
@@ -178,33 +80,40 @@ class RoughConductor(Metal, StretchedFacets):
 
     PARAMETERS = (
         ("eta", 3), ("k", 3), ("specular_reflectance", 3), ("roughness_u", 1), ("roughness_v", 1), ("beckmann", 1),
+        ("lost0", 4), ("lost4", 4), ("lost8", 4), ("lost_mean", 1), ("further", 3),
     )  # fmt: skip
     FIRST: ClassVar[str] = "preset"
     type: Literal["rough_conductor"] = "rough_conductor"
+    compensation: Flag = key(False, doc="whether light that meets further facets is given back, as a diffuse lobe")
 
-
-class Boundary(Material):
-    """What clear materials share: two indices, and tints."""
-
-    FIRST: ClassVar[str] = "ior"
-    TRANSMITS: ClassVar[bool] = True
-    ior: Number = key(1.5, low=0.01, high=100, doc="index of refraction inside")
-    exterior_ior: Number = key(1.0, low=0.01, high=100, doc="index of refraction outside")
-    specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what is reflected")
-    specular_transmittance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what goes through")
+    def switches(self) -> frozenset[str]:
+        return super().switches() | ({"compensation"} if "compensation" in self.model_fields_set else set())
 
     def parameter(self, name: str) -> Any:
-        return self.ior / self.exterior_ior if name == "ior" else super().parameter(name)
+        if not name.startswith("lost") and name != "further":
+            return super().parameter(name)
+        if not self.compensation:
+            return (0.0,) * dict(self.PARAMETERS)[name]
+        alpha = math.sqrt(self.parameter("roughness_u") * self.parameter("roughness_v"))
+        coefficients, mean = loss_fit(alpha, self.distribution == "beckmann")
+        if name == "lost_mean":
+            return mean
+        if name == "further":  # Kulla and Conty 2017
+            once = [metal_diffuse_reflectance(*index) for index in zip(self.parameter("eta"), self.parameter("k"),
+                                                                       strict=True)]
+            return tuple(f * f * (1 - mean) / (1 - f * mean) for f in once)
+        first = int(name.removeprefix("lost"))
+        return coefficients[first : first + 4]
 
 
-class Dielectric(Boundary):
+class Dielectric(Body):
     """A smooth boundary to glass, water, ...: reflects and refracts. The normal points out of the material."""
 
     PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
     type: Literal["dielectric"] = "dielectric"
 
 
-class RoughDielectric(Boundary, StretchedFacets):
+class RoughDielectric(Body, StretchedFacets):
     """A rough boundary to glass, water, ...: ground glass. The normal points out of the material."""
 
     PARAMETERS = (
@@ -227,6 +136,155 @@ class ThinDielectric(Boundary):
 
     PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
     type: Literal["thin_dielectric"] = "thin_dielectric"
+
+
+class Plastic(Material):
+    """A diffuse base under a smooth clear coat."""
+
+    PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = (
+        ("reflectance", 3), ("specular_reflectance", 3), ("ior", 1), ("internal", 1), ("specular_share", 1),
+        ("nonlinear", 1),
+    )  # fmt: skip
+    FIRST: ClassVar[str] = "reflectance"
+    type: Literal["plastic"] = "plastic"
+    reflectance: Reflectance = key((0.5, 0.5, 0.5), doc="reflectance of the base")
+    specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what the coat reflects")
+    ior: Number = key(1.49, low=1.001, high=100, doc="index of refraction of the coat")
+    exterior_ior: Number = key(1.0, low=0.01, high=100, doc="index of refraction outside")
+    nonlinear: Flag = key(False, doc="whether light scattered several times inside takes more of the base's colour")
+    internal_reflectance: Number | None = key(
+        None, low=0, high=0.999, doc="share that the coat reflects back inside; by default worked out from the index"
+    )
+
+    @model_validator(mode="after")
+    def _bends(self) -> Self:
+        if not self.ior / self.exterior_ior >= 1.001:
+            ratio = self.ior / self.exterior_ior
+            raise ValueError(f"came ior / exterior_ior = {ratio:g}; wanted at least 1.001")
+        return self
+
+    def _internal(self) -> float:
+        return diffuse_reflectance(self.exterior_ior / self.ior)
+
+    def parameter(self, name: str) -> Any:
+        if name == "ior":
+            return self.ior / self.exterior_ior
+        if name == "internal":
+            return self._internal() if self.internal_reflectance is None else self.internal_reflectance
+        if name == "specular_share":
+            base, coat = float(np.mean(self.reflectance)), float(np.mean(self.specular_reflectance))
+            return coat / (base + coat) if base + coat > 0 else 0.5
+        return super().parameter(name)
+
+
+class RoughPlastic(Plastic, Facets):
+    """A diffuse base under a rough clear coat."""
+
+    PARAMETERS = (
+        *Plastic.PARAMETERS, ("roughness", 1), ("beckmann", 1), ("transmittance0", 4), ("transmittance4", 4),
+        ("transmittance8", 4),
+    )  # fmt: skip
+    FIRST: ClassVar[str] = "reflectance"
+    type: Literal["rough_plastic"] = "rough_plastic"  # type: ignore[assignment]
+    roughness: Number = key(0.1, low=1e-3, high=1, doc="alpha of the facets")
+
+    def _fit(self) -> tuple[tuple[float, ...], float]:
+        return coat_fit(self.roughness, self.distribution == "beckmann", self.ior / self.exterior_ior)
+
+    def _internal(self) -> float:
+        return self._fit()[1]
+
+    def parameter(self, name: str) -> Any:
+        if name.startswith("transmittance"):
+            first = int(name.removeprefix("transmittance"))
+            return self._fit()[0][first : first + 4]
+        return super().parameter(name)
+
+
+class Principled(Material):
+    """Disney's model: diffuse, metal, glass, sheen and clear coat by a few artistic numbers."""
+
+    PARAMETERS = (
+        ("base_color", 3), ("roughness", 1), ("anisotropic", 1), ("metallic", 1), ("spec_trans", 1), ("eta", 1),
+        ("spec_tint", 1), ("sheen", 1), ("sheen_tint", 1), ("clearcoat", 1), ("clearcoat_gloss", 1),
+    )  # fmt: skip
+    FIRST: ClassVar[str] = "base_color"
+    type: Literal["principled"] = "principled"
+    base_color: Reflectance = key((0.5, 0.5, 0.5), doc="colour of the base")
+    roughness: Number = key(0.5, low=0, high=1, doc="root of the facets' alpha")
+    anisotropic: Number = key(0.0, low=0, high=1, doc="how much the facets are stretched along u")
+    metallic: Number = key(0.0, low=0, high=1, doc="from dielectric to metal")
+    specular: Number | None = key(None, low=0, high=1, doc="strength of the dielectric's reflection; by default 0.5")
+    eta: Number | None = key(None, low=0.01, high=100, doc="index of refraction, in place of specular")
+    spec_tint: Number = key(0.0, low=0, high=1, doc="how much the dielectric's reflection takes of base_color")
+    spec_trans: Number = key(0.0, low=0, high=1, doc="from opaque to glass")
+    sheen: Number = key(0.0, low=0, high=1, doc="strength of the sheen at grazing angles")
+    sheen_tint: Number = key(0.0, low=0, high=1, doc="how much the sheen takes of base_color")
+    clearcoat: Number = key(0.0, low=0, high=1, doc="strength of the clear coat")
+    clearcoat_gloss: Number = key(0.0, low=0, high=1, doc="gloss of the clear coat")
+
+    @model_validator(mode="after")
+    def _one_index(self) -> Self:
+        if self.eta is not None and self.specular is not None:
+            raise ValueError("came specular and eta; wanted one of them")
+        return self
+
+    @property
+    def transmits(self) -> bool:
+        return self.spec_trans > 0
+
+    def switches(self) -> frozenset[str]:
+        names = {"spec_trans": "transmission", "anisotropic": "tangents"}
+        return super().switches() | {names[given] for given in self.model_fields_set & set(names)}
+
+    def parameter(self, name: str) -> Any:
+        if name != "eta":
+            return super().parameter(name)
+        if self.eta is not None:
+            return self.eta if self.eta != 1 or not self.transmits else 1.001
+        specular = 0.5 if self.specular is None else self.specular
+        return 2 / (1 - math.sqrt(0.08 * max(specular, 1e-3 if self.transmits else 0.0))) - 1
+
+
+class ThinFilm(Material):
+    """A smooth surface whose thin film shows colours of interference: on a metal, or on a clear base that refracts."""
+
+    PARAMETERS = (("eta", 3), ("k", 3), ("film_ior", 1), ("thickness", 1), ("ior", 1))
+    FIRST: ClassVar[str] = "thickness"
+    type: Literal["thin_film"] = "thin_film"
+    thickness: Number = key(400.0, low=0, high=2000, unit="nm", doc="of the film")
+    film_ior: Number = key(1.33, low=1, high=10, doc="index of refraction of the film")
+    preset: Preset | None = key(None, doc="a measured metal as the base")
+    eta: Index | None = key(None, doc="real part of the base's index of refraction")
+    k: Index | None = key(None, doc="imaginary part of the base's index of refraction")
+    ior: Number | None = key(None, low=0.01, high=100, doc="index of refraction of a clear base")
+
+    @model_validator(mode="after")
+    def _one_base(self) -> Self:
+        given = [name for name in ("preset", "eta", "k", "ior") if getattr(self, name) is not None]
+        if given not in (["preset"], ["eta", "k"], ["ior"]):
+            raise ValueError(f"came {' and '.join(given) or 'no base'}; wanted preset, or both eta and k, or ior")
+        if self.eta is not None and not min(self.eta) > 0:
+            raise ValueError(f"came eta = {list(self.eta)}; wanted numbers above 0")
+        if self.film_ior * self.thickness > 2000:
+            raise ValueError(f"came film_ior x thickness = {self.film_ior * self.thickness:g} nm; wanted at most 2000")
+        return self
+
+    @property
+    def transmits(self) -> bool:
+        return self.ior is not None
+
+    def switches(self) -> frozenset[str]:
+        return super().switches() | ({"transmission"} if "ior" in self.model_fields_set else set())
+
+    def parameter(self, name: str) -> Any:
+        if name == "ior":
+            return 0.0 if self.ior is None else self.ior
+        if name in ("eta", "k") and self.preset is not None:
+            return getattr(CONDUCTORS[self.preset], name)
+        if name in ("eta", "k") and self.ior is not None:
+            return (self.ior if name == "eta" else 0.0,) * 3
+        return super().parameter(name)
 
 
 def _kinds(base: type[Material]) -> Iterator[type[Material]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytide.importers.meshdata import MeshData
+from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight
 from raytide.scene.textures import Bitmap, Texture
 
@@ -44,7 +45,6 @@ class FlatTextures:
     models: dict[str, Texture] = field(default_factory=dict)
     texels: dict[str, np.ndarray] = field(default_factory=dict)
     sky: np.ndarray | None = None
-    sky_at_poles: bool = False  # where its first and last rows lie
     uv: np.ndarray | None = None
     colors: np.ndarray | None = None
     face_colors: np.ndarray | None = None
@@ -52,20 +52,18 @@ class FlatTextures:
 
 def flat_textures(scene: Scene, shown: set[str | None], meshes: list[Painted]) -> FlatTextures:
     """Textures of the materials `shown`, and what all stored meshes, in order, carry. Raises SceneError for a file."""
-    materials = (scene.materials[name or ""] for name in shown)
-    used = sorted({name for material in materials for name in material.textures().values()})
+    layers = {layer for name in shown for layer in layers_of(scene.materials, name)}
+    used = sorted({name for layer in layers for name in scene.materials[layer].textures().values()})
     models = {name: scene.textures[name] for name in used}
-    skies = [light for light in scene.lights.values() if isinstance(light, EnvironmentLight)]
-    file = skies[0].file if skies else None
-    sky = None if file is None else scene.picture(file).texels
-    at_poles = sky is not None and len(sky) > 1 and skies[0].rows == "poles"
-    if not models:
-        return FlatTextures(sky=sky, sky_at_poles=at_poles)
+    skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]
+    sky = scene.picture(skies[0]).texels if skies else None
+    stretched = any("tangents" in scene.materials[layer].switches() for layer in layers)
+    if not models and not stretched:
+        return FlatTextures(sky=sky)
     return FlatTextures(
         models=models,
         texels={name: scene.picture(model.file).texels for name, model in models.items() if isinstance(model, Bitmap)},
         sky=sky,
-        sky_at_poles=at_poles,
         uv=_joined([(mesh.uv, mesh.vertex_count) for mesh in meshes], 2),
         colors=_joined([(mesh.colors, mesh.vertex_count) for mesh in meshes], 3),
         face_colors=_joined([(mesh.face_colors, mesh.triangle_count) for mesh in meshes], 3),

@@ -10,6 +10,7 @@ import numpy as np
 from raytide.errors import Problem, SceneError
 from raytide.importers.picture import BYTE_SUFFIXES
 from raytide.scene.describe import bounds_of, list_words, nearest, option_of
+from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight
 from raytide.scene.materials import Material
 from raytide.scene.model import path_words
@@ -82,8 +83,8 @@ def _file_problems(scene: Scene, key: str, file: str) -> list[Problem]:
 
 def _object_problems(scene: Scene, name: str) -> list[Problem]:
     shape = scene.objects[name]
-    material = scene.materials.get(shape.material or "")
-    names = set(material.textures().values()) & set(scene.textures) if material else ()
+    layers = [scene.materials[one] for one in layers_of(scene.materials, shape.material) if one in scene.materials]
+    names = {texture for material in layers for texture in material.textures().values()} & set(scene.textures)
     key = path_words(("objects", name, "material"))
     missing = [words for texture in names for words in _missing(scene, name, scene.textures[texture])]
     return [Problem(key, f"a texture on {came}", wanted) for came, wanted in sorted(set(missing))]

@@ -159,6 +159,9 @@ Emission = Annotated[
 Reflectance = Annotated[
     Vector, BeforeValidator(as_colour), _between(0, 1), Kind("a number or [r, g, b]", 0, 1), _colour_schema(1)
 ]
+Absorption = Annotated[
+    Vector, BeforeValidator(as_colour), _between(0, 1e6), Kind("a number or [r, g, b]", 0, 1e6), _colour_schema(1e6)
+]
 Index = Annotated[
     Vector, BeforeValidator(as_colour), _between(0, 1000), Kind("a number or [r, g, b]", 0, 1000), _colour_schema(1000)
 ]

@@ -12,7 +12,7 @@ from raytide.importers.mitsuba.metals import IORS, METALS
 from raytide.importers.mitsuba.reader import Reader
 
 SMALLEST_ALPHA = 1e-4  # raytide's
-ANISOTROPIC = {"roughness_u", "anisotropic", "normal_map", "bump"}  # keys that look at a surface's directions
+ANISOTROPIC = {"roughness_u", "roughness_v", "anisotropic", "normal_map", "bump"}  # keys that look at directions
 OTHERS = (
     "circular", "hair", "measured", "measured_polarized", "null", "polarizer", "pplastic", "principledthin", "retarder",
 )  # fmt: skip
@@ -76,7 +76,7 @@ def _table(build: Build, plugin: Plugin, two_sided: bool) -> Table | None:
 
 def _sided(build: Build, table: Table, reader: Reader | None) -> Table:
     """Mitsuba's opaque BSDFs are black from behind, unless inside `twosided`."""
-    if table["type"] in CLEAR:
+    if table["type"] in CLEAR or table.get("spec_trans"):
         return table
     if build.has("materials", table["type"], "two_sided"):
         return table | {"two_sided": False}
@@ -301,18 +301,19 @@ def _principled(reader: Reader) -> Table:
             reader.ignore(name)
     if reader.given("eta") and reader.given("specular"):
         reader.problem("eta", "it beside specular", "one or the other")
-    if reader.given("eta"):
-        table["ior"] = reader.number("eta", 1.5)
-    else:
-        reader.ignore("eta")
-        table["specular"] = reader.number("specular", 0.5)
+    for name, default in (("eta", 1.5), ("specular", 0.5)):
+        if reader.given(name):
+            table[name] = reader.number(name, default)
+        else:
+            reader.ignore(name)
+    reader.refuse("flatness", "an approximation of subsurface scattering", 0.0)
     table.setdefault("roughness", 0.5)
     return table
 
 
 PRINCIPLED = {
     "metallic": 0.0, "roughness": 0.5, "anisotropic": 0.0, "spec_trans": 0.0, "spec_tint": 0.0, "sheen": 0.0,
-    "sheen_tint": 0.0, "flatness": 0.0, "clearcoat": 0.0, "clearcoat_gloss": 0.0,
+    "sheen_tint": 0.0, "clearcoat": 0.0, "clearcoat_gloss": 0.0,
 }  # fmt: skip
 CLEAR_BSDFS = ("dielectric", "thindielectric", "roughdielectric", "mask", "null")
 CLEAR = ("dielectric", "thin_dielectric", "rough_dielectric", "emissive")

@@ -48,11 +48,15 @@ class Textures:
         if not self.build.kinds.get("textures"):
             owner.lacks(f"the texture {plugin.type}", "a constant", name)
             return instead
-        return self._texture(plugin)
+        return self._texture(plugin, swapped=not colour and plugin.type == "checkerboard")
 
-    def _texture(self, plugin: Plugin) -> str:
-        """The name of a texture, made once for each way that v runs."""
-        key = (id(plugin), self.build.upside_down, plugin.type == "bitmap")
+    def _texture(self, plugin: Plugin, swapped: bool) -> str:
+        """The name of a texture, made once for each way that v runs.
+
+        `swapped`: where Mitsuba (3.9.1) asks a checkerboard for one number and not for a colour, its fields change
+        places; pictures that it made show it so.
+        """
+        key = (id(plugin), self.build.upside_down, swapped)
         self.build.textured = True
         if key not in self.made:
             from raytide.importers.mitsuba.reader import Reader
@@ -63,6 +67,8 @@ class Textures:
                 plugin.type
             ](reader)
             reader.finish()
+            if table and swapped:
+                table["color0"], table["color1"] = table["color1"], table["color0"]
             self.build.kept.append(plugin)
             self.made[key] = "" if table is None else self.build.put("textures", table, plugin)
             element = plugin.properties.get("filename")
@@ -126,6 +132,8 @@ class Textures:
             owner.lacks("the emitter 'envmap'", "constant")
             return None
         table: Table = {"type": "environment", "file": self.build.name_of_file(path)}
+        if self.build.has("lights", "environment", "poles"):
+            table["poles"] = "rows"
         if scale != 1:
             table["scale"] = scale
         if uniform_scale(matrix, 1e-3) is None:

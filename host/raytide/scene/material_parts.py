@@ -1,0 +1,151 @@
+"""What kinds of material share: the base of all of them, metals, rough facets, clear boundaries."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import model_validator
+
+from raytide.scene.model import Table
+from raytide.scene.presets import CONDUCTORS
+from raytide.scene.textured import allow_texture, texture_of
+from raytide.scene.values import Absorption, Flag, Index, Number, Reflectance, key
+
+Distribution = Literal["ggx", "beckmann"]
+Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
+
+# Switches of kernels/features.py that materials turn on.
+SWITCHES = ("absorption", "beckmann", "compensation", "one_sided", "tangents", "transmission")
+
+
+class Material(Table):
+    """How a surface answers light."""
+
+    PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = ()
+    RELIEF: ClassVar[tuple[str, ...]] = ("normal_map", "bump_map")
+    type: str
+    two_sided: Flag = key(True, doc="whether the back is like the front; else it is black (clear materials have both)")
+    normal_map: str | None = key(None, doc="texture of normals: red along u, green along v, blue outwards")
+    bump_map: str | None = key(None, doc="bitmap of heights")
+    bump_scale: Number = key(1.0, unit="m", doc="height where the bump map is 1")
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **unused: Any) -> None:
+        """Colours and numbers that the device gets under their own name may be textures."""
+        for name, width in cls.PARAMETERS:
+            if name in cls.model_fields and cls.model_fields[name].annotation is not bool:
+                allow_texture(cls.model_fields[name], width)
+
+    @property
+    def transmits(self) -> bool:
+        """Whether light passes: the kernels then tell the front from the back."""
+        return False
+
+    def switches(self) -> frozenset[str]:
+        """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""
+        back = "one_sided" if "two_sided" in self.model_fields_set and self.type != "emissive" else ""
+        return frozenset(name for name in ("transmission" if self.transmits else "", back) if name)
+
+    @model_validator(mode="after")
+    def _has_a_back(self) -> Self:
+        if self.transmits and not self.two_sided:
+            raise ValueError("came two_sided = false; wanted true: light passes through this material")
+        return self
+
+    def parameters(self) -> list[tuple[str, tuple[float, ...]]]:
+        """What the device gets, in PARAMETERS order: a colour as 3 floats, a number as 1."""
+        return [
+            (name, tuple(float(number) for number in np.ravel(self.parameter(name)))) for name, _ in self.PARAMETERS
+        ]
+
+    def parameter(self, name: str) -> Any:
+        """One device parameter; a material whose file keys differ from it overrides this. It must be proportional to
+        the key of the same name: a texture in the place of a key counts as 1 here and scales what comes out."""
+        return getattr(self, name)
+
+    def textures(self) -> dict[str, str]:
+        """Textured device parameters, then normal or bump map: name to name of the texture."""
+        found = {name: texture_of(getattr(self, name, None)) for name, _ in self.PARAMETERS}
+        found |= {name: getattr(self, name) for name in self.RELIEF}
+        return {name: texture for name, texture in found.items() if texture is not None}
+
+
+class Metal(Material):
+    """What metals share: a preset, or eta and k."""
+
+    FIRST: ClassVar[str] = "preset"
+    preset: Preset | None = key(None, doc="a measured metal")
+    eta: Index | None = key(None, doc="real part of the index of refraction")
+    k: Index | None = key(None, doc="imaginary part of the index of refraction")
+    specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what is reflected")
+
+    @model_validator(mode="after")
+    def _one_metal(self) -> Self:
+        given = [name for name in ("preset", "eta", "k") if getattr(self, name) is not None]
+        if given not in (["preset"], ["eta", "k"]):
+            raise ValueError(f"came {' and '.join(given) or 'no metal'}; wanted either preset, or both eta and k")
+        if self.eta is not None and not min(self.eta) > 0:
+            raise ValueError(f"came eta = {list(self.eta)}; wanted numbers above 0")
+        return self
+
+    def parameter(self, name: str) -> Any:
+        if self.preset is not None and name in ("eta", "k"):
+            return getattr(CONDUCTORS[self.preset], name)
+        return super().parameter(name)
+
+
+class Facets(Material):
+    """What rough surfaces share: the law of their facets, and alpha along both axes of the shading frame."""
+
+    roughness: Number = key(0.1, low=1e-4, high=1, doc="alpha of the facets")
+    distribution: Distribution = key("ggx", doc="law of the facets' slopes")
+
+    def switches(self) -> frozenset[str]:
+        return super().switches() | ({"beckmann"} if "distribution" in self.model_fields_set else set())
+
+    def parameter(self, name: str) -> Any:
+        return self.distribution == "beckmann" if name == "beckmann" else super().parameter(name)
+
+
+class StretchedFacets(Facets):
+    """Facets whose alpha may differ along the surface's two directions."""
+
+    roughness_u: Number | None = key(None, low=1e-4, high=1, doc="alpha along u; by default roughness")
+    roughness_v: Number | None = key(None, low=1e-4, high=1, doc="alpha along v; by default roughness")
+
+    def switches(self) -> frozenset[str]:
+        stretched = self.model_fields_set & {"roughness_u", "roughness_v"}
+        return super().switches() | ({"tangents"} if stretched else set())
+
+    def parameter(self, name: str) -> Any:
+        if name in ("roughness_u", "roughness_v"):
+            given = getattr(self, name)
+            return self.roughness if given is None else given
+        return super().parameter(name)
+
+
+class Boundary(Material):
+    """What clear materials share: two indices, and tints."""
+
+    FIRST: ClassVar[str] = "ior"
+    ior: Number = key(1.5, low=0.01, high=100, doc="index of refraction inside")
+    exterior_ior: Number = key(1.0, low=0.01, high=100, doc="index of refraction outside")
+    specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what is reflected")
+    specular_transmittance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what goes through")
+
+    @property
+    def transmits(self) -> bool:
+        return True
+
+    def parameter(self, name: str) -> Any:
+        return self.ior / self.exterior_ior if name == "ior" else super().parameter(name)
+
+
+class Body(Boundary):
+    """What clear materials with an inside share."""
+
+    absorption: Absorption = key((0.0, 0.0, 0.0), unit="1/m", doc="absorption coefficient inside")
+
+    def switches(self) -> frozenset[str]:
+        return super().switches() | ({"absorption"} if "absorption" in self.model_fields_set else set())
