@@ -103,13 +103,13 @@ def options() -> argparse.Namespace:
 
 def compare(wanted: argparse.Namespace) -> dict[str, Any]:
     """All figures, ready for JSON."""
-    library = load_embree()
     result: dict[str, Any] = {"schema": "raytide.compare-embree/1", "command": sys.argv, "threads": wanted.threads,
                               "size": wanted.size, "repeats": wanted.repeats, "builder": wanted.builder}
     result["load_before"] = os.getloadavg()
     result["machine"] = {"processor": processor_name(), "cpus": os.cpu_count(), "system": platform.platform()}
     result["scenes"] = {}
     with open_device(wanted.device, threads=wanted.threads) as device:
+        library = load_embree()  # after the drivers: Intel's is not found once Embree has loaded an older TBB
         result["device"] = device.info.as_dict()
         for name in wanted.scenes.split(","):
             scene = scene_from_file(wanted.mesh) if wanted.mesh and name == "blob" else SCENES[name]()
