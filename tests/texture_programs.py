@@ -26,7 +26,7 @@ kernel void probe_texture(GEOMETRY_ARGUMENTS TEXTURE_ARGUMENTS, const uint count
     TexturePoint at;
     at.uv = uv[i].xy;
     at.barycentric = uv[i].xy;
-    at.prim = 0u;
+    at.triangle = 0u;
     values[i] = make4(texture_value(texture_table, g, at), 0.0f);
 }
 """

@@ -15,7 +15,7 @@ from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
 from raytide.scene.flatten import FlatScene
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
-from raytide.scene.materials import Material
+from raytide.scene.material_parts import Material
 from raytide.scene.transform import matrix_of
 
 _EQUAL_SHARE = 0.25

@@ -16,7 +16,7 @@ from raytide.render.sky import sky_shares
 from raytide.scene.flatten import FlatScene
 from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight, Light
-from raytide.scene.materials import Material
+from raytide.scene.material_parts import Material
 from raytide.scene.painted import FlatTextures
 from raytide.scene.texture_check import range_of
 from raytide.scene.textures import Bitmap, Checkerboard, Constant, MeshAttribute, Texture

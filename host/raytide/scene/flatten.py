@@ -14,7 +14,7 @@ from raytide.scene.camera import Camera
 from raytide.scene.check import scene_problems, scene_warnings
 from raytide.scene.instances import shown_objects
 from raytide.scene.lights import Light
-from raytide.scene.materials import Material
+from raytide.scene.material_parts import Material
 from raytide.scene.normals import smooth_normals
 from raytide.scene.painted import FlatTextures, Painted, flat_textures
 from raytide.scene.settings import RenderSettings

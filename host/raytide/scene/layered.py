@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from raytide.scene.materials import Emissive, Material
+from raytide.scene.material_parts import Material
+from raytide.scene.materials import Emissive
 
 
 def layers_of(materials: Mapping[str, Material], name: str | None) -> tuple[str, ...]:

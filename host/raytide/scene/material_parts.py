@@ -23,6 +23,8 @@ class Material(Table):
     """How a surface answers light."""
 
     PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = ()
+    SHARED: ClassVar[tuple[tuple[str, int], ...]] = ()  # keys that stand for several parameters, and their widths
+    PLAIN: ClassVar[tuple[str, ...]] = ()  # keys that take no texture: the host derives further parameters from them
     RELIEF: ClassVar[tuple[str, ...]] = ("normal_map", "bump_map")
     type: str
     two_sided: Flag = key(True, doc="whether the back is like the front; else it is black (clear materials have both)")
@@ -33,7 +35,9 @@ class Material(Table):
     @classmethod
     def __pydantic_init_subclass__(cls, **unused: Any) -> None:
         """Colours and numbers that the device gets under their own name may be textures."""
-        for name, width in cls.PARAMETERS:
+        for name, width in (*cls.PARAMETERS, *cls.SHARED):
+            if name in cls.PLAIN:
+                continue
             if name in cls.model_fields and cls.model_fields[name].annotation is not bool:
                 allow_texture(cls.model_fields[name], width)
 
@@ -111,12 +115,20 @@ class Facets(Material):
 class StretchedFacets(Facets):
     """Facets whose alpha may differ along the surface's two directions."""
 
+    SHARED: ClassVar[tuple[tuple[str, int], ...]] = (("roughness", 1),)
     roughness_u: Number | None = key(None, low=1e-4, high=1, doc="alpha along u; by default roughness")
     roughness_v: Number | None = key(None, low=1e-4, high=1, doc="alpha along v; by default roughness")
 
     def switches(self) -> frozenset[str]:
         stretched = self.model_fields_set & {"roughness_u", "roughness_v"}
         return super().switches() | ({"tangents"} if stretched else set())
+
+    def textures(self) -> dict[str, str]:
+        shared = texture_of(self.roughness)
+        found = super().textures()
+        if shared is not None:
+            found |= {name: shared for name in ("roughness_u", "roughness_v") if getattr(self, name) is None}
+        return found
 
     def parameter(self, name: str) -> Any:
         if name in ("roughness_u", "roughness_v"):

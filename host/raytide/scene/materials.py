@@ -86,6 +86,14 @@ class RoughConductor(Metal, StretchedFacets):
     type: Literal["rough_conductor"] = "rough_conductor"
     compensation: Flag = key(False, doc="whether light that meets further facets is given back, as a diffuse lobe")
 
+    @model_validator(mode="after")
+    def _derives(self) -> Self:
+        textured = sorted(set(self.textures()) - set(self.RELIEF) - {"specular_reflectance"})
+        if self.compensation and textured:
+            words = " and ".join(textured)
+            raise ValueError(f"came compensation with a texture for {words}; wanted numbers to derive it from")
+        return self
+
     def switches(self) -> frozenset[str]:
         return super().switches() | ({"compensation"} if "compensation" in self.model_fields_set else set())
 
@@ -121,6 +129,7 @@ class RoughDielectric(Body, StretchedFacets):
         ("beckmann", 1),
     )  # fmt: skip
     FIRST: ClassVar[str] = "ior"
+    PLAIN: ClassVar[tuple[str, ...]] = ("ior",)  # it may not come near 1
     type: Literal["rough_dielectric"] = "rough_dielectric"
 
     @model_validator(mode="after")
@@ -146,6 +155,7 @@ class Plastic(Material):
         ("nonlinear", 1),
     )  # fmt: skip
     FIRST: ClassVar[str] = "reflectance"
+    PLAIN: ClassVar[tuple[str, ...]] = ("ior",)
     type: Literal["plastic"] = "plastic"
     reflectance: Reflectance = key((0.5, 0.5, 0.5), doc="reflectance of the base")
     specular_reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="factor on what the coat reflects")
@@ -185,6 +195,7 @@ class RoughPlastic(Plastic, Facets):
         ("transmittance8", 4),
     )  # fmt: skip
     FIRST: ClassVar[str] = "reflectance"
+    PLAIN: ClassVar[tuple[str, ...]] = ("ior", "roughness")
     type: Literal["rough_plastic"] = "rough_plastic"  # type: ignore[assignment]
     roughness: Number = key(0.1, low=1e-3, high=1, doc="alpha of the facets")
 
@@ -251,6 +262,7 @@ class ThinFilm(Material):
 
     PARAMETERS = (("eta", 3), ("k", 3), ("film_ior", 1), ("thickness", 1), ("ior", 1))
     FIRST: ClassVar[str] = "thickness"
+    PLAIN: ClassVar[tuple[str, ...]] = ("ior",)
     type: Literal["thin_film"] = "thin_film"
     thickness: Number = key(400.0, low=0, high=2000, unit="nm", doc="of the film")
     film_ior: Number = key(1.33, low=1, high=10, doc="index of refraction of the film")

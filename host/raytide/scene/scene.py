@@ -11,7 +11,8 @@ from raytide.errors import Problem, SceneError
 from raytide.scene.camera import CAMERAS, Camera
 from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.lights import LIGHTS, Light
-from raytide.scene.materials import MATERIALS, Material
+from raytide.scene.material_parts import Material
+from raytide.scene.materials import MATERIALS
 from raytide.scene.model import Table
 from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import SHAPES, Instance, Mesh, Shape

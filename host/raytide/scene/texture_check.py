@@ -12,7 +12,7 @@ from raytide.importers.picture import BYTE_SUFFIXES
 from raytide.scene.describe import bounds_of, list_words, nearest, option_of
 from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight
-from raytide.scene.materials import Material
+from raytide.scene.material_parts import Material
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh
 from raytide.scene.textures import Bitmap, Checkerboard, Constant, MeshAttribute, Texture
