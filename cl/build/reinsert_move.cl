@@ -117,7 +117,7 @@ kernel void reinsert_apply(const uint count, const uint first, const uint stride
     places[i].y = above;
 }
 
-#define MOST_DEPTH 65000u  // marks have 16 bits; splits of n primitives by area never come near it
+#define MOST_DEPTH 65000u  // the host keeps levels in 16 bits; splits of n primitives by area never come near it
 
 static uint depth_of(const uint row, global const uint *parents)
 {
@@ -129,18 +129,17 @@ static uint depth_of(const uint row, global const uint *parents)
 }
 
 // Notes 1 + depth of a node and of all above it; where somebody has been, he goes on.
-static void mark_path(const uint row, global const uint *parents, volatile global ushort *marks)
+static void mark_path(const uint row, global const uint *parents, volatile global uint *marks)
 {
     uint mark = depth_of(row, parents) + 1u;
-    for (uint y = row; y != NONE && marks[y] == 0; y = parents[y]) {
-        marks[y] = (ushort)mark;
+    for (uint y = row; y != NONE && atomic_max(marks + y, mark) == 0u; y = parents[y]) {
         --mark;
     }
 }
 
 // marks: 1 + depth of every inner node whose box may have changed; they start as 0.
 kernel void reinsert_mark(const uint count, const uint first, const uint stride, global const uint *moves,
-                          global const uint2 *places, global const uint *parents, volatile global ushort *marks)
+                          global const uint2 *places, global const uint *parents, volatile global uint *marks)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count || !moves[i]) {

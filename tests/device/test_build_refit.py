@@ -116,11 +116,11 @@ def test_an_edited_scene_gives_the_picture_of_a_fresh_one_bit_for_bit(device, na
     edit, refits = EDITS[name]
     scene = bumpy_scene()
     with rt.Renderer(scene, device, spp=4) as renderer:
-        first, tree = renderer.render().rgb, renderer.tree
+        first, tree = renderer.render().rgb, renderer.forest.world
         edit(scene)
         renderer.update()
         film, stats = renderer.render().rgb, renderer.report()["tree"]
-        assert (renderer.tree is tree) if refits is None else stats["refits"] == refits
+        assert (renderer.forest.world is tree) if refits is None else stats["refits"] == refits
         assert (stats["refit_s"] > 0) == (refits == 1) and stats["built_cost"] > 0
     with rt.Renderer(scene, device, spp=4) as fresh:
         assert np.array_equal(film, fresh.render().rgb)

@@ -67,7 +67,7 @@ class _Rows:
         most = -(-rows // STRIDE)
         self._gains, self._places, self._moves = (device.empty(most * size) for size in (4, 8, 4))
         self._claims, self._owners = device.empty(rows * 4), device.empty(rows * 4)
-        self._marks = device.empty(-(-inner // 2) * 4)
+        self._marks = device.empty(inner * 4)
 
     def _launches(self, kernel: str, lists: list[np.ndarray], *arguments: Buffer | np.generic) -> None:
         """One launch for each list of rows, in turn."""
@@ -104,7 +104,8 @@ class _Rows:
         launch("reinsert_choose", count, *part, *tree, *found, self._owners, self._moves)
         launch("reinsert_apply", count, *part, self._moves, *tree, self._places)
         launch("reinsert_mark", count, *part, self._moves, self._places, self._parents, self._marks)
-        self._join(device.read(self._marks, np.uint16, self._inner) - np.uint16(1))
+        marks = device.read(self._marks, np.uint32, self._inner)
+        self._join((marks - np.uint32(1)).astype(np.uint16))
         moves = device.read(self._moves, np.uint32, count) != 0
         return float(device.read(self._gains, np.float32, count)[moves].sum(dtype=np.float64))
 
