@@ -29,18 +29,22 @@ def pytest_configure(config: pytest.Config) -> None:
             del os.environ[name]  # a developer's settings must not decide a test
 
 
-def found_devices() -> list[str]:
-    """Ids of the devices to test on: all, or those that a word of RAYTIDE_TEST_DEVICES (commas) is part of."""
-    from raytide.device import list_devices
+def found_devices(pictures: bool = False) -> list[str]:
+    """Ids of the devices to test on: those that a word of RAYTIDE_TEST_DEVICES (commas) is part of; without it all, but
+    for whole pictures, which take minutes, the one that a render would take."""
+    from raytide.device import list_devices, pick
 
     ids = [info.id for info in list_devices()]
     words = [word for word in os.environ.get("RAYTIDE_TEST_DEVICES", "").split(",") if word]
+    if pictures and ids and not words:
+        return [pick().id]
     return [name for name in ids if not words or any(word in name for word in words)]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "device" in metafunc.fixturenames:
-        metafunc.parametrize("device", found_devices(), indirect=True, scope="session")
+        pictures = "image" in Path(str(metafunc.module.__file__)).parts
+        metafunc.parametrize("device", found_devices(pictures), indirect=True, scope="session")
 
 
 @pytest.fixture(autouse=True)
