@@ -7,14 +7,13 @@ product's builders and the other way round.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache
 
 import numpy as np
 
 from raytide.accel.compact import compact_buffers, compact_source
 from raytide.kernels import NONE, RECORDS, Features, assemble
-from raytide.kernels.features import kind_number
+from raytide.verify import lab
 from trace_programs import CLOSEST_KERNEL, PACKET_KERNELS, TRACE_KERNELS
 
 FAR = np.float32(3.0e38)
@@ -57,16 +56,9 @@ def soup(corners: np.ndarray, **more: object) -> Mesh:
 
 
 def shape_record(kind: str, center: object, axes: object, owner: int = 3) -> np.ndarray:
-    """One Shape record; axes are the rows u, v, w."""
-    row = np.zeros(1, RECORDS["Shape"].dtype)
-    axes = np.asarray(axes, np.float64)
-    row["kind"], row["object"] = kind_number("shape", kind), owner
-    row["center"][0, :3] = center
-    for name, axis, dual in zip("uvw", axes, np.linalg.inv(axes).T, strict=True):
-        row[name][0] = (*axis, 1.0 / (axis @ axis))
-        row["inverse_" + name][0, :3] = dual
-    if kind == "sphere":
-        row["center"][0, 3] = np.linalg.norm(axes[0])
+    """One Shape record of object `owner`; axes are the rows u, v, w."""
+    row = lab.shape_record(kind, center, axes)
+    row["object"] = owner
     return row
 
 
@@ -322,21 +314,6 @@ def ring_sphere(rings: int, segments: int, center: object = (0, 0, 0)) -> Mesh:
     faces += [np.stack([np.zeros_like(first), np.roll(first, -1), first], -1)]
     faces += [np.stack([np.ones_like(last), last, np.roll(last, -1)], -1)]
     return mesh(points + np.asarray(center, np.float64), np.concatenate(faces))
-
-
-def exactly_meets_box(low: np.ndarray, high: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> bool:
-    """Whether a ray (t >= 0) meets a closed box, decided in rational numbers."""
-    near, far = Fraction(0), None
-    for lo, hi, o, d in zip(low, high, origin, direction, strict=True):
-        lo, hi, o, d = (Fraction(float(x)) for x in (lo, hi, o, d))
-        if d == 0:
-            if not lo <= o <= hi:
-                return False
-            continue
-        enter, leave = sorted(((lo - o) / d, (hi - o) / d))
-        near = max(near, enter)
-        far = leave if far is None else min(far, leave)
-    return far is None or near <= far
 
 
 def closest_triangle(corners: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

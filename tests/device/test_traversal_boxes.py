@@ -7,8 +7,9 @@ from itertools import product
 
 import numpy as np
 
-from oracles_geometry import exactly_meets_box, features, mesh, rays_of, simple_tree, soup, tracer
+from oracles_geometry import features, mesh, rays_of, simple_tree, soup, tracer
 from raytide.kernels import NONE, RECORDS, assemble
+from raytide.verify.exact import meets_box
 from trace_programs import ORDER_KERNEL
 
 
@@ -138,7 +139,7 @@ def test_no_ray_aimed_at_an_edge_of_a_box_misses_it(device: object) -> None:
         rays = rays_of(origin, (corner - origin) * 2.0 ** rng.uniform(-1, 1, (count, 1)))  # t anywhere in a binade
         stored = [[np.nextafter(low, np.float32(-np.inf)), np.nextafter(high, np.float32(np.inf))]]
         found = masks(device, stored, rays)
-        truth = [exactly_meets_box(low, high, o, d) for o, d in zip(origin, rays["direction"][:, :3], strict=True)]
+        truth = [meets_box(low, high, o, d) for o, d in zip(origin, rays["direction"][:, :3], strict=True)]
         checked += sum(truth)
         wrong += int(np.count_nonzero(np.array(truth) & (found == 0)))
     assert wrong == 0 and checked > 5_000

@@ -6,28 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from fake_renderer import SCENE as ONE_BALL
 from raytide.cli.config import gather
 from raytide.cli.options import bytes_of, check_outputs, size_of
 from raytide.errors import SceneError, UsageError
 from raytide.scene.load import load
 
-SCENE = """
-format = 1
-[camera]
-origin = [0, 0, 4]
-target = [0, 0, 0]
-size = [20, 10]
-[render]
-spp = 2
-[materials.grey]
-type = "diffuse"
-reflectance = 0.5
-[objects.ball]
-type = "sphere"
-center = [0, 0, 0]
-radius = 1
-material = "grey"
-"""
+SCENE = ONE_BALL.replace("spp = 8", "spp = 2")
 
 
 @pytest.fixture
