@@ -55,7 +55,8 @@ static void sphere_surface(global const Shape *s, const float3 o, const float3 d
     const float3 center = xyz(s->center);
     const float r = s->center.w;
     const float3 f = o - center;
-    const float3 n = normalize3((float3)(fma_of(t, d.x, f.x), fma_of(t, d.y, f.y), fma_of(t, d.z, f.z)));
+    const float3 along = (float3)(fma_of(t, d.x, f.x), fma_of(t, d.y, f.y), fma_of(t, d.z, f.z));
+    const float3 n = renormalize3(normalize3(along));  // quotients and roots may be ulps off: a step makes up for it
     out->p = sphere_point(center, r, n);
     out->ng = n;
     out->n = n;

@@ -10,13 +10,16 @@ import numpy as np
 
 import raytide.verify.boxes
 import raytide.verify.film
+import raytide.verify.lights
+import raytide.verify.materials
 import raytide.verify.planes
 import raytide.verify.sampling
 import raytide.verify.shading
 import raytide.verify.spheres
+import raytide.verify.trees
 import raytide.verify.triangles  # noqa: F401  these modules fill the catalogue
 from raytide.errors import RaytideError, UsageError
-from raytide.verify.case import CASES, GROUPS, Case, Trial, Verdict
+from raytide.verify.case import CASES, GROUPS, Case, Skipped, Trial, Verdict, place_of
 from raytide.verify.lab import Lab
 
 
@@ -26,7 +29,8 @@ def chosen_cases(group: str | None = None, case: str | None = None) -> list[Case
         raise UsageError(f"group: came {group!r}; wanted one of {', '.join(GROUPS)}")
     if case is not None and case not in CASES:
         raise UsageError(f"case: came {case!r}; wanted one of {', '.join(CASES)}")
-    return [one for one in CASES.values() if group in (None, one.group) and case in (None, one.id)]
+    found = [one for one in CASES.values() if group in (None, one.group) and case in (None, one.id)]
+    return sorted(found, key=lambda one: place_of(one.id))
 
 
 def run_cases(cases: Iterable[Case], lab: Lab, say: Callable[[Verdict], None] = lambda verdict: None) -> list[Verdict]:
@@ -54,6 +58,8 @@ def judge_case(case: Case, lab: Lab) -> Verdict:
             if len(excess) and excess.max() > largest:
                 largest = float(excess.max())
                 worst = record_of(trial, int(np.argmax(excess)))
+    except Skipped as reason:
+        return verdict(case, "skipped", inputs, largest, figures, worst, start, str(reason))
     except RaytideError as error:
         return verdict(case, "error", inputs, largest, figures, worst, start, str(error))
     state = "falls short" if largest > 1.0 or broken else "holds"
