@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from raytide.errors import UsageError
-from raytide.kernels.constants import TILE_SIDE
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
+from raytide.render.schedule import tiles_across
 from raytide.scene.flatten import FlatScene
 
 
@@ -40,7 +40,7 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     row = np.zeros(1, RECORDS["Settings"].dtype)
     width, height = flat.camera.size
     render = flat.render
-    row["width"], row["height"], row["tiles_x"] = width, height, -(-width // TILE_SIDE)
+    row["width"], row["height"], row["tiles_x"] = width, height, tiles_across(width)
     row["whole_width"], row["block_bits"] = width, _block_bits(render.spp)
     row["seed"], row["max_depth"] = render.seed, render.max_depth
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
