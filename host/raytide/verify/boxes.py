@@ -197,7 +197,7 @@ def along_the_axis(lab: Lab) -> Iterator[Trial]:
         tilted = rays_of(origin, down + f4([[1e-3, 0, 2e-3]]))
         straight, slanted = (float(traced.visits(rows).sum(1).mean()) for rows in (rays, tilted))
         figures = {"visits along": f"{straight:.1f}", "tilted": f"{slanted:.1f}"}
-        return Judged(forbidden(wrong | (hits["t"] != 3)), figures, {"3 times": straight <= 3 * slanted})
+        return Judged(forbidden(wrong | ~(np.abs(hits["t"] - 3) < 2e-6)), figures, {"3 times": straight <= 3 * slanted})
 
     rng, n = lab.rng(506), lab.count(5_000, 100_000)
     place = rng.random((n, 2)) * side

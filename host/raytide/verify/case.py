@@ -110,7 +110,7 @@ def once(name: str, judge: Callable[[], Judged]) -> Trial:
 
 def place_of(id: str) -> tuple[int, int]:
     """Sorts ids as the catalogue does: S1, S2, ..., D11."""
-    return ORDER.index(id[0]), int(id[1:])
+    return ORDER.find(id[0]), int(id[1:])
 
 
 def bounded(measured: np.ndarray, bar: float | np.ndarray) -> np.ndarray:

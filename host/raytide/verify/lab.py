@@ -88,8 +88,9 @@ class Lab:
 
     def bsdf(self, material: Material) -> Bsdf:
         """The functions of one material of a scene."""
-        features = Features(materials=tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS)),
-                            tree=False, **dict.fromkeys(SWITCHES, True))  # fmt: skip
+        switches: dict[str, Any] = dict.fromkeys(SWITCHES, True)
+        parameters = tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS))
+        features = Features(materials=parameters, tree=False, **switches)
         return Bsdf(self.device, self._program("material", "probe/material.cl", features), material_record(material))
 
     def _program(self, name: str, entry: str, features: Features) -> Program:

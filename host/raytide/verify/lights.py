@@ -6,11 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import raytide as rt
 from raytide.kernels.features import Features
 from raytide.kernels.source import assemble
 from raytide.render.pack import features_of, pack
 from raytide.render.sky import WHOLE, patch_light, sky_shares
-from raytide.scene import Camera, Diffuse, Emit, Scene, mesh, plane, point, sky
+from raytide.scene import Camera, Scene, mesh, plane, point, sky
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, once
 from raytide.verify.lab import Lab, f4, unit_vectors
 
@@ -20,7 +21,7 @@ Long = np.longdouble
 def lamp_scene(corners: np.ndarray) -> Scene:
     """One glowing triangle."""
     scene = Scene(camera=Camera(origin=(0, 0, 0), target=(0, 0, -1), size=(2, 2)))
-    scene.add(mesh(vertices=corners, faces=[[0, 1, 2]]), Emit(1.0), name="lamp")
+    scene.add(mesh(vertices=corners, faces=[[0, 1, 2]]), rt.Emit(1.0), name="lamp")
     return scene
 
 
@@ -101,10 +102,10 @@ def single_texels(lab: Lab) -> Iterator[Trial]:
             texels[row, column] = 2.0
             light, ends = patch_light(texels), sky_shares(texels).astype(np.int64)
             row_ends, column_ends = ends[: height + 1], ends[height + 1 :].reshape(height + 1, width)
-            lit = light > 0
+            lit = np.asarray(light > 0)
             keys = np.unique(np.clip([[e - 1, e] for e in (*row_ends, 0, WHOLE)], 0, WHOLE - 1))
             picked = np.searchsorted(row_ends, keys, side="right")
-            good = (picked <= height) & lit.any(1)[np.minimum(picked, height)]
+            good = (picked <= height) & np.take(lit.any(axis=1), np.minimum(picked, height))
             inner = [np.searchsorted(column_ends[r], np.clip([0, WHOLE - 1, *column_ends[r]], 0, WHOLE - 1), "right")
                      for r in np.flatnonzero(lit.any(1))]  # fmt: skip
             at = [lit[r][np.minimum(c, width - 1)].all() and (c < width).all()
@@ -125,7 +126,7 @@ def single_texels(lab: Lab) -> Iterator[Trial]:
 def unequal_lights(lab: Lab) -> Iterator[Trial]:
     def table(powers: np.ndarray) -> np.ndarray:
         scene = Scene(camera=Camera(origin=(0, 2, 4), target=(0, 0, 0), size=(2, 2)))
-        scene.add(plane(), Diffuse(0.5), name="floor")
+        scene.add(plane(), rt.Diffuse(0.5), name="floor")
         for place, power in enumerate(powers):
             scene.lights[f"l{place}"] = point((place % 300 * 0.01, 1, place // 300 * 0.01), intensity=float(power))
         scene.lights["sky"] = sky(0.0)

@@ -13,23 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from raytide.scene import (
-    Camera,
-    Conductor,
-    Dielectric,
-    Diffuse,
-    Glossy,
-    Mirror,
-    Plastic,
-    Principled,
-    RoughConductor,
-    RoughDielectric,
-    RoughPlastic,
-    Scene,
-    ThinDielectric,
-    mesh,
-    point,
-)
+import raytide as rt
+from raytide.scene import Camera, Scene, mesh, point
 from raytide.scene.material_parts import Material
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, unbuilt
 from raytide.verify.lab import ULP, Lab, f4, unit_vectors
@@ -40,13 +25,14 @@ Rough = tuple[Material, float]  # with the index behind over that before
 def models() -> list[Rough]:
     """Materials that have a value for pairs of directions, from mirror-like to rough."""
     metal = {"eta": (0.2, 0.9, 1.1), "k": (3.9, 2.4, 2.2)}
-    found: list[Rough] = [(Diffuse((0.2, 0.5, 0.9)), 1.0), (Plastic((0.2, 0.5, 0.9)), 1.0)]
+    found: list[Rough] = [(rt.Diffuse((0.2, 0.5, 0.9)), 1.0), (rt.Plastic((0.2, 0.5, 0.9)), 1.0)]
     for alpha in (1e-3, 0.01, 0.1, 0.5, 1.0):
-        found += [(Glossy(0.5, specular=0.5, roughness=alpha), 1.0), (RoughConductor(**metal, roughness=alpha), 1.0),
-                  (RoughDielectric(1.5, roughness=alpha), 1.5), (RoughPlastic(0.5, roughness=alpha), 1.0),
-                  (RoughConductor(**metal, roughness=alpha, distribution="beckmann"), 1.0)]  # fmt: skip
-    found.append((Principled((0.8, 0.3, 0.1), roughness=0.3, metallic=0.6, anisotropic=0.5), 1.0))
-    found.append((Principled((0.9, 0.5, 0.3), roughness=0.3, spec_trans=1.0, eta=1.5), 1.5))
+        found += [(rt.Glossy(0.5, specular=0.5, roughness=alpha), 1.0),
+                  (rt.RoughConductor(**metal, roughness=alpha), 1.0),
+                  (rt.RoughDielectric(1.5, roughness=alpha), 1.5), (rt.RoughPlastic(0.5, roughness=alpha), 1.0),
+                  (rt.RoughConductor(**metal, roughness=alpha, distribution="beckmann"), 1.0)]  # fmt: skip
+    found.append((rt.Principled((0.8, 0.3, 0.1), roughness=0.3, metallic=0.6, anisotropic=0.5), 1.0))
+    found.append((rt.Principled((0.9, 0.5, 0.3), roughness=0.3, spec_trans=1.0, eta=1.5), 1.5))
     return found
 
 
@@ -102,7 +88,7 @@ def furnace(lab: Lab) -> Iterator[Trial]:
         wi = 2 * across[:, None] * wide - view
         seen = (across > 0) & (wi[:, 2] > 0)
         wi, jacobian = wi[seen], 4 * across[seen]
-        bsdf = lab.bsdf(Glossy(0.0, specular=1.0, specular_color=1.0, roughness=alpha))
+        bsdf = lab.bsdf(rt.Glossy(0.0, specular=1.0, specular_color=1.0, roughness=alpha))
         value, _ = bsdf.eval(np.tile(wo, (len(wi), 1)), f4(wi))
         tan2 = 1 / wide[seen][:, 2] ** 2 - 1
         d = alpha**2 / (np.pi * wide[seen][:, 2] ** 4 * (alpha**2 + tan2) ** 2)
@@ -147,7 +133,7 @@ def grazing(lab: Lab) -> Iterator[Trial]:
         wrong = ~np.isfinite(rows).all(1) | (rows[:, :-1] < 0).any(1)
         return Judged(forbidden(wrong), {"wrong": int(wrong.sum())})
 
-    smooth: list[Material] = [Mirror(0.9), Conductor("gold"), Dielectric(1.5), ThinDielectric(1.5)]
+    smooth: list[Material] = [rt.Mirror(0.9), rt.Conductor("gold"), rt.Dielectric(1.5), rt.ThinDielectric(1.5)]
     for material in [*smooth, *(one for one, _ in models())]:
         rng, n = lab.rng(607), lab.count(10_000, 1_000_000)
         u = f4(rng.integers(0, 2**24, (n, 4)) * 2.0**-24)
@@ -209,7 +195,7 @@ def from_behind(lab: Lab) -> Iterator[Trial]:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "tilted.ply"
                 path.write_text(PLY.format(n=f"{np.sin(degrees):.9g} {np.cos(degrees):.9g} 0"), encoding="ascii")
-                scene.add(mesh(path, smooth=True), Diffuse(0.5), name="floor")
+                scene.add(mesh(path, smooth=True), rt.Diffuse(0.5), name="floor")
                 scene.add(point((5, -0.3 if behind else 0.3, 0), intensity=10.0), name="lamp")
                 lit.append(lab.render(scene, spp=1, max_depth=2).rgb.max() > 0)
         behind = inputs["behind"]

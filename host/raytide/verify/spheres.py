@@ -11,8 +11,9 @@ from functools import partial
 
 import numpy as np
 
+import raytide as rt
 from raytide.kernels.records import NONE
-from raytide.scene import Camera, Diffuse, Scene, sphere
+from raytide.scene import Camera, Scene, sphere
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
 from raytide.verify.host import refusal
 from raytide.verify.lab import ULP, Lab, f4, flat, plane_record, rays_of, sphere_record, ulp, unit_vectors
@@ -201,7 +202,7 @@ def planet_underfoot(lab: Lab) -> Iterator[Trial]:
         warned = []
         for height, radius in zip(inputs["height"], inputs["radius"], strict=True):
             scene = Scene(camera=Camera(origin=(0, float(height), 0), target=(9, 0, 0)))
-            scene.add(sphere((0, -float(radius), 0), float(radius)), Diffuse(0.5), name="planet")
+            scene.add(sphere((0, -float(radius), 0), float(radius)), rt.Diffuse(0.5), name="planet")
             warned.append(any("planet" in words and "float32" in words for words in scene.flatten().warnings))
         close = inputs["height"] < inputs["radius"] * 2.0**-20
         return Judged(forbidden(np.array(warned) != close), {"warned": int(np.sum(warned))})

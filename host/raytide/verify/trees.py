@@ -6,6 +6,7 @@ import hashlib
 import time
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def identical(lab: Lab) -> Iterator[Trial]:
         tree = build_tree(geometry, builder, lab.device)
         hits, _ = lab.tracer(geometry, builder).trace(rays_of(f4([[0.2, 0.2, 1]]), f4([[0, 0, -1]])))
         whole = {"the lowest id": hits["prim"][0] == 0, "stack": tree.stats.depth <= max_depth()}
-        figures = {"depth": tree.stats.depth}
+        figures: dict[str, Any] = {"depth": tree.stats.depth}
         if lab.full:
             ratio = seconds(geometry, builder) / seconds(soup(lab.rng(802), count), builder)
             figures, whole = figures | {"time / random": f"{ratio:.2f}"}, whole | {"3 times": ratio <= 3}

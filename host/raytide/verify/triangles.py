@@ -10,9 +10,10 @@ from functools import partial
 
 import numpy as np
 
+import raytide as rt
 from raytide.accel import FlatGeometry
 from raytide.kernels.records import NONE
-from raytide.scene import Camera, Diffuse, Scene, mesh
+from raytide.scene import Camera, Scene, mesh
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
 from raytide.verify.host import refusal
 from raytide.verify.lab import ULP, Lab, f4, flat, rays_of, unit_vectors
@@ -234,7 +235,7 @@ def no_area(lab: Lab) -> Iterator[Trial]:
         scene = Scene(camera=Camera(origin=(0, 0, 4), target=(0, 0, 0)))
         sound = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
         points = np.concatenate([sound, wide.reshape(-1, 3)])
-        scene.add(mesh(vertices=points, faces=np.arange(len(points)).reshape(-1, 3)), Diffuse(0.5), name="m")
+        scene.add(mesh(vertices=points, faces=np.arange(len(points)).reshape(-1, 3)), rt.Diffuse(0.5), name="m")
         made = scene.flatten()
         told = f"dropped {n} triangles of zero area" in " ".join(made.warnings) and len(made.triangles) == 1
         point = (corners[:, 0] == corners[:, 1]).all(1) & (corners[:, 0] == corners[:, 2]).all(1)
@@ -267,7 +268,8 @@ def every_scale(lab: Lab) -> Iterator[Trial]:
         scaled = rays_of(f4(inputs["origin"] * np.float32(scale)), inputs["direction"])
         (one, _), (two, _) = plain.trace(rays), lab.tracer(geometry).trace(scaled)
         met = one["prim"] != NONE
-        same = (one["prim"] == two["prim"]) & (~met | (one["t"] * float(scale) == two["t"]))
+        t = np.where(met, one["t"], 0).astype(np.float64) * scale
+        same = (one["prim"] == two["prim"]) & (~met | (t == two["t"]))
         return Judged(forbidden(~same), {"met": f"{met.mean():.0%}"})
 
     n = lab.count(10_000, 100_000)
