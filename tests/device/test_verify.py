@@ -35,7 +35,8 @@ def test_case_holds(device: Device, id: str) -> None:
         assert found.state == "falls short", f"{id} holds now: take it off the list"
         return
     if id in WAITING:
-        assert found.state == "skipped" and found.reason.startswith("not built yet"), f"{id} is built: take it off the list"
+        built = f"{id} is built: take it off the list"
+        assert found.state == "skipped" and found.reason.startswith("not built yet"), built
         return
     assert found.state == "holds", f"{found.excess:.3g} of the bar ({found.bar}): {found.figures} {found.reason}"
     assert found.inputs > 0

@@ -203,7 +203,7 @@ def fireflies(lab: Lab) -> Iterator[Trial]:
     yield Trial("", {"bright": np.full(TILE, 1e8, np.float32)}, judge)
 
 
-unbuilt("F8", "film", "four pictures of 256 samples put together against one of 1024", "within 1 ulp a merge",
+MERGED = unbuilt("F8", "film", "four pictures of 256 samples put together against one of 1024", "within 1 ulp a merge",
         "merging of pictures")  # fmt: skip
 
 

@@ -204,7 +204,7 @@ def from_behind(lab: Lab) -> Iterator[Trial]:
     yield Trial("", {"tilt": f4([45.0, 80.0, 89.0, 45.0]), "behind": np.array([True, True, True, False])}, judge)
 
 
-unbuilt("M12", "shading", "measured materials (MERL tables): edges of the table, wrap, missing entries",
+TABLES = unbuilt("M12", "shading", "measured materials (MERL tables): edges of the table, wrap, missing entries",
         "nothing read beyond the table; finite; energy at most 1, or told", "measured materials")  # fmt: skip
-unbuilt("M13", "shading", "sampling of measured materials with dead cells and one of 1e6:1",
+TABLES_SAMPLED = unbuilt("M13", "shading", "sampling of measured materials with dead cells and one of 1e6:1",
         "chi-square passes; no sample where the density is 0", "measured materials")  # fmt: skip
