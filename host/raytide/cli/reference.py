@@ -1,0 +1,96 @@
+"""`raytide reference SCENE -o R.exr`: a reference with the variance of every pixel, in slices; a later run goes on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from raytide.cli.replicates import Reporter, picture_size
+from raytide.cli.signals import Interrupted, StopOnSignal
+from raytide.errors import UsageError
+
+if TYPE_CHECKING:
+    from raytide.report.reference import Slices
+
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+def reference(
+    scene: Path,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    spp: int = 1024,
+    slices: int = 16,
+    size: str | None = None,
+    device: str | None = None,
+    threads: int | None = None,
+    changes: Annotated[list[str] | None, Parameter(name="--set", negative="")] = None,
+    allow_outside: Flag = False,
+    quiet: Flag = False,
+) -> int:
+    """Render a reference: the mean of slices with seeds of their own, and the variance of that mean in every pixel.
+
+    A run that was interrupted goes on with the same command; more --slices make a finished reference better.
+
+    Parameters
+    ----------
+    scene
+        Scene file.
+    output
+        The picture, .exr; beside it FILE.slices.npz keeps the sums.
+    spp
+        Samples a pixel of each slice; a power of two is best.
+    slices
+        Slices in all, at least 2.
+    size
+        Picture size, such as 64x64; default: the scene's.
+    device
+        Part of a device id.
+    threads
+        Threads of a CPU device.
+    changes
+        key.path=value put over the scene; may be repeated.
+    allow_outside
+        Let the scene name files outside its folder.
+    quiet
+        Only errors on stderr.
+    """
+    from raytide.cli.options import check_outputs
+    from raytide.render import Renderer
+    from raytide.report.reference import make_reference
+    from raytide.scene.load import load
+
+    if output is None or output.suffix.lower() != ".exr":
+        raise UsageError(f"output: came {output}; wanted -o FILE.exr")
+    if slices < 2 or spp < 1:
+        raise UsageError(f"came --slices {slices} --spp {spp}; wanted at least 2 slices of at least 1 sample a pixel")
+    check_outputs([output], [], no_clobber=False)
+    with StopOnSignal() as signals:
+        try:
+            loaded = load(scene, overrides=changes or [], allow_outside=allow_outside)
+            loaded.camera.size = picture_size(size) or loaded.camera.size
+            loaded.render.spp = spp
+            with Renderer(loaded, device, threads=threads) as renderer:
+                reporter = Reporter(signals, quiet)
+                reporter.attach(renderer)
+                done = make_reference(renderer, output, spp, slices, reporter.stopped, lambda one: tell(reporter, one, slices))
+        except Interrupted:
+            return signals.exit_code
+    if done.count:
+        reporter.say(f"{output}: {done.count} slices of {spp} spp in {done.seconds:.1f} s, error {own_error(done)}")
+        print(output)
+    return reporter.ended()
+
+
+def tell(reporter: Reporter, done: Slices, slices: int) -> None:
+    """A line of progress."""
+    text = f"{done.count}/{slices} slices, {done.seconds / done.count:.1f} s each"
+    reporter.progress(f"{text}, error {own_error(done)}" if done.count > 1 else text, done.count == slices)
+
+
+def own_error(done: Slices) -> str:
+    """The reference's own error, from the spread of its slices."""
+    return f"{100 * done.truth('').own_relmse ** 0.5:.2g} %" if done.count > 1 else "unknown (one slice)"
