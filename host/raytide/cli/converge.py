@@ -192,7 +192,7 @@ def about(plan: Plan, begun: float) -> dict[str, Any]:
         "raytide": raytide.__version__,
         "command": shlex.join(["raytide", *COMMAND_WORDS.get()]),
         "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "machine": f"{platform.machine()}, {platform.system()} {platform.release()}, Python {platform.python_version()}",
+        "machine": f"{platform.machine()}, {platform.platform()}, Python {platform.python_version()}",
         "budgets": ", ".join(budget.label for budget in plan.budgets),
         "replicates": plan.replicates,
         "seed": plan.seed,

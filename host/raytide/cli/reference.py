@@ -76,7 +76,9 @@ def reference(
             with Renderer(loaded, device, threads=threads) as renderer:
                 reporter = Reporter(signals, quiet)
                 reporter.attach(renderer)
-                done = make_reference(renderer, output, spp, slices, reporter.stopped, lambda one: tell(reporter, one, slices))
+                done = make_reference(
+                    renderer, output, spp, slices, reporter.stopped, lambda one: tell(reporter, one, slices)
+                )
         except Interrupted:
             return signals.exit_code
     if done.count:

@@ -92,6 +92,8 @@ def budgets_of(text: str) -> tuple[Budget, ...]:
             one = Budget(spp=int(word)) if word.isdecimal() else Budget(seconds=float(as_seconds(word)))
         except (ValueError, TypeError):
             raise budget_error(text) from None
+        if one.seconds is not None and not word[-1].isalpha():  # 1.5 alone could mean samples
+            raise budget_error(text)
         if not (one.spp or one.seconds or 0) > 0 or (one.spp or 0) > MOST_SPP:
             raise budget_error(text)
         found.append(one)
@@ -103,7 +105,7 @@ def budgets_of(text: str) -> tuple[Budget, ...]:
 
 def budget_error(text: str) -> UsageError:
     """What budgets must look like."""
-    return UsageError(f"--budgets: came {text!r}; wanted rising samples a pixel, such as 1,2,4,8, or times: 1s,10s,1min")
+    return UsageError(f"--budgets: came {text!r}; wanted rising samples a pixel (1,2,4,8) or times (1s,10s,1min)")
 
 
 def checked_scenes(scenes: tuple[Path, ...]) -> tuple[Path, ...]:

@@ -122,7 +122,10 @@ class Point:
         far surer than the spread of R numbers. NaN for a single replicate."""
         if len(self.tiles) < 2:
             return math.nan
-        spread = np.var(np.stack(self.tiles), axis=0, ddof=1)
+        errors = np.stack(self.tiles)
+        if not np.isfinite(errors).all():
+            return math.inf
+        spread = np.var(errors, axis=0, ddof=1)
         return float(np.sqrt(np.sum(self.pixels**2 * spread) / len(self.tiles)))
 
     def counts(self) -> bool:
@@ -179,7 +182,9 @@ def measure(x: NDArray[np.float64], truth: Truth, replicate: int, seed: int, spp
     squared = (x - truth.rgb) ** 2 - truth.variance
     relative = squared * truth.weight
     if broken:
-        squared, relative = np.full_like(x, np.inf), np.full_like(x, np.inf)
+        tiles = np.full(tile_means(truth.rgb[..., 0], TILE).size, np.inf)
+        lost = math.inf
+        return Measured(replicate, seed, spp, render_s, lost, lost, lost, lost, lost, None, broken), tiles
     off = np.sqrt(np.maximum(relative.mean(axis=2), 0.0))
     row = Measured(
         replicate, seed, spp, render_s, float(squared.mean()), float(relative.mean()),

@@ -129,34 +129,45 @@ def write_json(path: Path, result: dict[str, Any]) -> None:
 
 
 def write_plot(path: Path, outcomes: Sequence[Outcome]) -> bool:
-    """Error against wall time of every scene as one PNG; False where matplotlib is not installed."""
+    """Error of every scene against wall time and against time of rendering, as one PNG; False where matplotlib is not
+    installed."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError:
         return False
-    columns = min(3, len(outcomes))
-    lines = -(-len(outcomes) // columns)
-    figure = Figure(figsize=(4.2 * columns, 3.4 * lines), layout="constrained")
+    columns = len(outcomes)
+    figure = Figure(figsize=(3.6 * columns, 6.2), layout="constrained")
     FigureCanvasAgg(figure)
     for place, outcome in enumerate(outcomes):
-        axes = figure.add_subplot(lines, columns, place + 1, xscale="log", yscale="log", title=outcome.name)
-        for track in outcome.tracks:
-            points = [point for point in complete(track) if point.counts()]
-            walls = [point.render_s + outcome.set_up_s(track) for point in points]
-            figures = [point.figures() for point in points]
-            errors = [one["rmse_relative"] for one in figures]
-            low, high = ([math.sqrt(max(f[key], 0.0)) for f in figures] for key in ("relmse_low", "relmse_high"))
-            (line,) = axes.plot(walls, errors, marker="o", markersize=3, label=track.variant.name)
-            axes.fill_between(walls, low, high, alpha=0.15, color=line.get_color(), linewidth=0)
-        axes.set_xlabel("wall time of the command [s]")
-        axes.set_ylabel("error")
-        axes.grid(True, which="both", alpha=0.2)
-        axes.legend(fontsize=7)
+        for row, label in enumerate(("wall time of the command [s]", "time of rendering [s]")):
+            axes = figure.add_subplot(2, columns, row * columns + place + 1, xscale="log", yscale="log")
+            draw(axes, outcome, row == 0)
+            axes.set_xlabel(label)
+            axes.set_ylabel("error" if place == 0 else "")
+            axes.set_title(outcome.name if row == 0 else "")
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
+    figure.savefig(buffer, format="png", dpi=100)
     with replacing(path) as file:
         view = memoryview(buffer.getvalue())
         while view:
             view = view[file.write(view):]
     return True
+
+
+def draw(axes: Any, outcome: Outcome, whole: bool) -> None:
+    """Curves of one scene with their bands; `whole`: against the time of the whole command."""
+    for track in outcome.tracks:
+        points = [point for point in complete(track) if point.counts()]
+        seconds = [point.render_s + whole * outcome.set_up_s(track) for point in points]
+        figures = [point.figures() for point in points]
+        low, high = ([math.sqrt(max(one[key], 0.0)) for one in figures] for key in ("relmse_low", "relmse_high"))
+        (line,) = axes.plot(seconds, [f["rmse_relative"] for f in figures], marker="o", markersize=3,
+                            label=track.variant.name)  # fmt: skip
+        axes.fill_between(seconds, low, high, alpha=0.15, color=line.get_color(), linewidth=0)
+    axes.grid(True, which="both", alpha=0.2)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:.3g}")
+        axis.set_minor_formatter("{x:.3g}")
+    axes.tick_params(labelsize=6)
+    axes.legend(fontsize=6)
