@@ -14,9 +14,10 @@ from raytide.cli.main import main
 from raytide.cli.replicates import budgets_of, picture_size
 from raytide.errors import UsageError
 from raytide.report.convergence import Point, Truth, fit, time_to
-from raytide.report.convergence_files import Outcome, csv_text, result_of, write_json
+from raytide.report.convergence_files import Outcome, csv_text, result_of
 from raytide.report.convergence_page import document
 from raytide.report.experiment import Budget, Plan, Track, Variant, order, small_size, variants_of
+from raytide.report.files import write_json
 from raytide.report.start_cost import StartCost
 
 SIZE = (24, 32, 3)

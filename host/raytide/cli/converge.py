@@ -202,14 +202,15 @@ def about(plan: Plan, begun: float) -> dict[str, Any]:
 
 def write(output: Path, outcomes: list[Outcome], facts: dict[str, Any], reporter: Reporter) -> None:
     """All files; their names and the table go to stdout."""
-    from raytide.report import convergence_files as files
+    from raytide.report import files
+    from raytide.report.convergence_files import csv_text, result_of, write_plot
     from raytide.report.convergence_page import document
     from raytide.report.page import write_page
 
-    files.write_text(output / "renders.csv", files.csv_text(outcomes))
-    files.write_json(output / "converge.json", files.result_of(outcomes, facts))
+    files.write_text(output / "renders.csv", csv_text(outcomes))
+    files.write_json(output / "converge.json", result_of(outcomes, facts))
     write_page(output / "converge.html", document(outcomes, facts))
-    plotted = files.write_plot(output / "converge.png", outcomes)
+    plotted = write_plot(output / "converge.png", outcomes)
     if not plotted:
         reporter.say("no converge.png: matplotlib is not installed (pip install 'raytide[report]')")
     print(lines(outcomes))

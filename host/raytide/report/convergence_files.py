@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from raytide.image import replacing
 from raytide.report.convergence import Fit, Measured, Point, Truth, efficiency, fit, time_to
 from raytide.report.experiment import Plan, Track
+from raytide.report.files import write_bytes
 from raytide.report.start_cost import StartCost
 
 SCHEMA = "raytide.converge/1"
@@ -106,28 +105,6 @@ def result_of(outcomes: Sequence[Outcome], about: dict[str, Any]) -> dict[str, A
     return {"schema": SCHEMA, **about, "scenes": [outcome.as_dict() for outcome in outcomes]}
 
 
-def finite(value: Any) -> Any:
-    """For JSON, which has neither infinity nor NaN: null in their place."""
-    if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def write_text(path: Path, text: str) -> None:
-    """The file appears only when it is complete."""
-    with replacing(path) as file:
-        view = memoryview(text.encode())
-        while view:
-            view = view[file.write(view):]
-
-
-def write_json(path: Path, result: dict[str, Any]) -> None:
-    """`result`, null where a number is not finite."""
-    write_text(path, json.dumps(finite(result), indent=1, allow_nan=False, default=str) + "\n")
-
-
 def write_plot(path: Path, outcomes: Sequence[Outcome]) -> bool:
     """Error of every scene against wall time and against time of rendering, as one PNG; False where matplotlib is not
     installed."""
@@ -148,10 +125,7 @@ def write_plot(path: Path, outcomes: Sequence[Outcome]) -> bool:
             axes.set_title(outcome.name if row == 0 else "")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=100)
-    with replacing(path) as file:
-        view = memoryview(buffer.getvalue())
-        while view:
-            view = view[file.write(view):]
+    write_bytes(path, buffer.getvalue())
     return True
 
 

@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from raytide.report.convergence import Fit, Point
 from raytide.report.convergence_files import TARGETS, Outcome, complete
 from raytide.report.experiment import Track
@@ -16,6 +14,7 @@ from raytide.report.page import (
     code,
     details,
     element,
+    exposure_of,
     facts,
     figure,
     number,
@@ -173,9 +172,3 @@ def pictures(outcome: Outcome) -> Html:
             parts.append(slider(picture(outcome.truth.rgb, "reference", exposure),
                                 picture(points[-1].first, name, exposure), ("reference", name)))  # fmt: skip
     return details("Pictures", element("div", *parts, class_="row"))
-
-
-def exposure_of(rgb: np.ndarray) -> float:
-    """Stops that put the picture's 90th percentile of brightness near white."""
-    bright = float(np.percentile(rgb.max(axis=2), 90))
-    return math.log2(0.8 / bright) if bright > 0 else 0.0
