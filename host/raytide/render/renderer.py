@@ -175,7 +175,8 @@ class Renderer:
         info = self.device.info
         tiles = -(-width // TILE_SIDE) * -(-height // TILE_SIDE)
         most = tiles * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
-        self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes)
+        self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes,
+                                        self.features.opacity)  # fmt: skip
         needed = width * height * PIXEL_BYTES + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
             raise UsageError(
