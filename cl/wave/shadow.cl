@@ -8,8 +8,8 @@
 // Adds the light of every queued shadow ray that meets nothing, or what comes through, to its sample, whose index is in
 // the light's w; an item takes ITEM_RAYS. Race rule: slots in a queue are distinct, and no two of them share a sample.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
-kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue, const uint count, global const Ray *shadow_rays,
-                   global const float4 *shadow_light, global float4 *samples)
+kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue, const uint count,
+                   global const Ray *shadow_rays, global const float4 *shadow_light, global float4 *samples)
 {
     const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
     if (begin >= count) {
