@@ -11,7 +11,16 @@ import numpy as np
 
 from raytide.accel import FlatGeometry
 from raytide.errors import UsageError
-from raytide.kernels.constants import ABSORBS, HIDDEN, MOST_MEDIA, ONE_SIDED, RAY_KINDS, SEE_THROUGH, STRETCHED, TRANSMITS
+from raytide.kernels.constants import (
+    ABSORBS,
+    HIDDEN,
+    MOST_MEDIA,
+    ONE_SIDED,
+    RAY_KINDS,
+    SEE_THROUGH,
+    STRETCHED,
+    TRANSMITS,
+)
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes

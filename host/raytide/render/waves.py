@@ -237,8 +237,8 @@ class Waves:
             label = _label("shadow", shadows)
             if self.observe:
                 self.observe(label, self._shadow_queue, 0, shadow, self._shadow_rays, self._paths)
-            self._trace("shadow", label, shadow, *self.scene.masks, self._shadow_queue, np.uint32(shadow), self._shadow_rays,
-                        self._shadow_light, self.samples)  # fmt: skip
+            self._trace("shadow", label, shadow, *self.scene.masks, self._shadow_queue, np.uint32(shadow),
+                        self._shadow_rays, self._shadow_light, self.samples)  # fmt: skip
         self._queues.reverse()
         return alive, onward
 
