@@ -18,7 +18,7 @@ VENV = os.path.join(ROOT, ".venv")
 PYTHON = os.path.join(VENV, "Scripts", "python.exe") if os.name == "nt" else os.path.join(VENV, "bin", "python")
 STAMP = os.path.join(VENV, "raytide.stamp")
 LOG = os.path.join(VENV, "install.log")
-# Kernels compile on one thread each, which leaves a second core idle; whole files share a process, and so their programs.
+# Kernels compile on one thread each, which leaves a core idle; whole files share a process, and so their programs.
 WHOLE_SUITE = ["-n", "2", "--dist", "loadfile"]
 # What pip prints when it cannot reach an index.
 OFFLINE = ("NewConnectionError", "name resolution", "Connection refused", "ConnectionError", "Max retries", "timed out")
