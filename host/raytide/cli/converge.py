@@ -27,59 +27,26 @@ REFERENCE_SLICES = 8
 
 
 def converge(
-    *scenes: Path,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    reference: Path | None = None,
-    reference_spp: int | None = None,
-    budgets: str = BUDGETS,
-    vary: Annotated[list[str] | None, Parameter(negative="")] = None,
-    replicates: int = 16,
-    size: str | None = None,
-    device: str | None = None,
-    threads: int | None = None,
-    seed: int = 1,
-    start_runs: int = 3,
-    changes: Annotated[list[str] | None, Parameter(name="--set", negative="")] = None,
-    allow_outside: Flag = False,
-    quiet: Flag = False,
+    *scenes: Annotated[Path, Parameter(help="scene files")],
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], help="folder for results and references")] = None,
+    reference: Annotated[Path | None, Parameter(help="a converged picture, for a single scene")] = None,
+    reference_spp: Annotated[int | None, Parameter(help="of references made; default: 64 x the largest")] = None,
+    budgets: Annotated[str, Parameter(help="samples a pixel (1,2,4), or times of rendering (1s,10s,1min)")] = BUDGETS,
+    vary: Annotated[list[str] | None, Parameter(negative="", help="key=A,B: a render key, device or traversal")] = None,
+    replicates: Annotated[int, Parameter(help="renders of each budget: 16 for curves, 32 for claims")] = 16,
+    size: Annotated[str | None, Parameter(help="such as 64x64; default: as the scene, at most 4096 pixels")] = None,
+    device: Annotated[str | None, Parameter(help="part of a device id")] = None,
+    threads: Annotated[int | None, Parameter(help="of a CPU device")] = None,
+    seed: Annotated[int, Parameter(help="another one, other renders")] = 1,
+    start_runs: Annotated[int, Parameter(help="starts of the whole command to measure its set-up; 0: none")] = 3,
+    changes: Annotated[list[str] | None, Parameter(name="--set", negative="", help="key.path=value; repeats")] = None,
+    allow_outside: Annotated[Flag, Parameter(help="let scenes name files outside their folders")] = False,
+    quiet: Annotated[Flag, Parameter(help="only errors on stderr")] = False,
 ) -> int:
     """Measure error against time: independent renders for each budget, held against a reference.
 
     Writes renders.csv, converge.json, converge.html and, with matplotlib, converge.png into the output folder. Ctrl-C
     ends it after the render at work; what was finished is written.
-
-    Parameters
-    ----------
-    scenes
-        Scene files.
-    output
-        Folder for the results; references that are made lie there too and are used again.
-    reference
-        A converged picture of the same size, for a single scene; its `variance` layer is subtracted.
-    reference_spp
-        Samples a pixel of references that are made; default: 64 times the largest budget.
-    budgets
-        Samples a pixel (1,2,4), or times of rendering (1s,10s,1min; then give --reference or --reference-spp).
-    vary
-        key=A,B: a key of the scene's render table, device or traversal; repeated, all combinations.
-    replicates
-        Renders of each budget, 16 for curves, 32 for claims; at least 2.
-    size
-        Picture size, such as 64x64; default: the scene's shape with at most 4096 pixels.
-    device
-        Part of a device id.
-    threads
-        Threads of a CPU device.
-    seed
-        Another one, other renders.
-    start_runs
-        Times that the whole command is started to measure what it costs beside rendering; 0: not measured.
-    changes
-        key.path=value put over the scene; may be repeated.
-    allow_outside
-        Let the scene name files outside its folder.
-    quiet
-        Only errors on stderr.
     """
     from raytide.report.experiment import Plan, variants_of
 

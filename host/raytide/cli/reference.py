@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from raytide.cli.replicates import Reporter, picture_size
-from raytide.cli.signals import Interrupted, StopOnSignal
+from raytide.cli.signals import StopOnSignal
 from raytide.errors import UsageError
 
 if TYPE_CHECKING:
     from raytide.report.reference import Slices
+    from raytide.scene.scene import Scene
 
 Flag = Annotated[bool, Parameter(negative="")]
 
@@ -59,8 +60,6 @@ def reference(
         Only errors on stderr.
     """
     from raytide.cli.options import check_outputs
-    from raytide.render import Renderer
-    from raytide.report.reference import make_reference
     from raytide.scene.load import load
 
     if output is None or output.suffix.lower() != ".exr":
@@ -69,22 +68,27 @@ def reference(
         raise UsageError(f"came --slices {slices} --spp {spp}; wanted at least 2 slices of at least 1 sample a pixel")
     check_outputs([output], [], no_clobber=False)
     with StopOnSignal() as signals:
-        try:
-            loaded = load(scene, overrides=changes or [], allow_outside=allow_outside)
-            loaded.camera.size = picture_size(size) or loaded.camera.size
-            loaded.render.spp = spp
-            with Renderer(loaded, device, threads=threads) as renderer:
-                reporter = Reporter(signals, quiet)
-                reporter.attach(renderer)
-                done = make_reference(
-                    renderer, output, spp, slices, reporter.stopped, lambda one: tell(reporter, one, slices)
-                )
-        except Interrupted:
-            return signals.exit_code
+        loaded = load(scene, overrides=changes or [], allow_outside=allow_outside)
+        loaded.camera.size = picture_size(size) or loaded.camera.size
+        loaded.render.spp = spp
+        reporter = Reporter(signals, quiet)
+        render_slices(loaded, output, slices, device, threads, reporter)
+    return reporter.ended()
+
+
+def render_slices(scene: Scene, output: Path, slices: int, device: str | None, threads: int | None,
+                  reporter: Reporter) -> None:  # fmt: skip
+    """All slices that are missing; the file's name goes to stdout once there is one."""
+    from raytide.render import Renderer
+    from raytide.report.reference import make_reference
+
+    with Renderer(scene, device, threads=threads) as renderer:
+        reporter.attach(renderer)
+        spp = scene.render.spp
+        done = make_reference(renderer, output, spp, slices, reporter.stopped, lambda one: tell(reporter, one, slices))
     if done.count:
         reporter.say(f"{output}: {done.count} slices of {spp} spp in {done.seconds:.1f} s, error {own_error(done)}")
         print(output)
-    return reporter.ended()
 
 
 def tell(reporter: Reporter, done: Slices, slices: int) -> None:
