@@ -184,10 +184,10 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED | _SEE_THROUGH"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
-        ("float4", "absorption", "1/m", "xyz; of what is behind the surface"),
+        ("float4", "absorption", "1/m", "xyz; of what is behind the surface; w = opacity"),
         *[
             ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(MATERIAL_FLOATS // 4)
         ],
@@ -229,7 +229,7 @@ _TABLE = (
         "A textured parameter of a material",
         ("uint", "texture", "", "index"),
         ("uint", "place", "", "of its first number in the material"),
-        ("uint", "width", "", "numbers: 1 or 3; SLOT_NORMALS, SLOT_HEIGHTS"),
+        ("uint", "width", "", "numbers: 1 or 3; SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY"),
         ("uint", "pad", "", "zero"),
         ("float", "low", "", "least value of the parameter; heights: their factor"),
         ("float", "high", "", "largest value of the parameter"),
@@ -260,6 +260,10 @@ _TABLE = (
         ("float", "filter_radius", "pixels", ""),
         ("uint", "shadows", "", "0: lights shine through everything (integrator local)"),
         ("uint", "shadows_alone", "", "1: light straight from a source arrives by shadow rays only, but on mirrors"),
+        ("uint", "first_x", "pixels", "of the window in the whole picture"),
+        ("uint", "first_y", "pixels", ""),
+        ("uint", "whole_width", "pixels", ""),
+        ("uint", "block_bits", "", "sampler blue_noise: log2 of the samples in a pixel's block; even"),
     ),
 )
 
