@@ -26,8 +26,9 @@ ARROWS = {
     "accel": {"kernels", "device"},
     "render": {"scene", "importers", "kernels", "device", "image", "accel"},
     "report": {"scene", "importers", "kernels", "device", "image", "accel", "render"},
+    "bench": {"__init__", "scene", "kernels", "device", "image", "accel", "render", "report"},
     "verify": {"scene", "kernels", "device", "accel", "render"},
-    "cli": {"scene", "importers", "kernels", "device", "image", "accel", "render", "report", "verify"},
+    "cli": {"scene", "importers", "kernels", "device", "image", "accel", "render", "report", "verify", "bench"},
     "__init__": {"scene", "device", "image", "render"},
     "__main__": {"cli"},
 }
