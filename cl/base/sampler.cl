@@ -42,6 +42,55 @@ static Sampler sampler_of(const uint seed, const uint pixel, const uint sample)
     return out;
 }
 
+// Name of the pixel (x, y) of the whole picture, by which its samples are drawn; both below 2^16.
+static uint pixel_name(global const Settings *settings, const uint x, const uint y)
+{
+#if HAS_BLUE_NOISE
+    return y << 16 | x;
+#else
+    return y * settings->whole_width + x;
+#endif
+}
+
+#if HAS_BLUE_NOISE
+#define Z_SIDE_BITS 6u  // squares of 64 x 64 pixels share a sequence
+
+// Moves the bits of x < 2^6 apart, to every other place.
+static uint spread_bits(const uint x)
+{
+    const uint wide = (x | (x << 4)) & 0x0f0fu;
+    const uint pairs = (wide | (wide << 2)) & 0x3333u;
+    return (pairs | (pairs << 1)) & 0x5555u;
+}
+
+// One sequence for a square of pixels: each takes a block of 2^block_bits of its points, blocks in the order of the Z
+// curve. What one pixel's block is short of, those beside it tend to have, because 4, 16, 64 ... neighbouring blocks are
+// one net together; shuffling the index for a set keeps blocks together (Ahmed and Wonka 2020, ACM TOG 39(6)). Samples
+// beyond a block belong to another sequence.
+static Sampler sampler_on_curve(const uint seed, const uint pixel, const uint sample, const uint block_bits)
+{
+    const uint mask = (1u << Z_SIDE_BITS) - 1u;
+    const uint x = pixel & 0xffffu;
+    const uint y = pixel >> 16;
+    const uint square = (x >> Z_SIDE_BITS) | ((y >> Z_SIDE_BITS) << 16);
+    const uint place = spread_bits(x & mask) | (spread_bits(y & mask) << 1);
+    const uint round = sample >> block_bits;
+    Sampler out;
+    out.seed = mix_bits(mix_bits(square ^ 0x3c6ef372u) + mix_bits(seed ^ 0xa54ff53au) + mix_bits(round) * 0x9e3779b9u);
+    out.index = (place << block_bits) | (sample & ((1u << block_bits) - 1u));
+    return out;
+}
+#endif
+
+static Sampler sampler_for(global const Settings *settings, const uint pixel, const uint sample)
+{
+#if HAS_BLUE_NOISE
+    return sampler_on_curve(settings->seed, pixel, sample, settings->block_bits);
+#else
+    return sampler_of(settings->seed, pixel, sample);
+#endif
+}
+
 static uint set_seed(const Sampler s, const uint set)
 {
     return mix_bits(s.seed + set * 0x9e3779b9u);

@@ -28,8 +28,8 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint x = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
     const uint y = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
     const int inside = x < settings->width && y < settings->height;
-    const uint pixel = y * settings->width + x;
-    const Sampler sampler = sampler_of(settings->seed, pixel, sample);
+    const uint pixel = pixel_name(settings, x, y);
+    const Sampler sampler = sampler_for(settings, pixel, sample);
     const float4 u = sample_4d(sampler, SET_CAMERA);
     Ray ray = camera_ray(camera, film_point(x, y, settings->filter_radius, u.xy), u.zw);
     ray.direction.w = inside ? T_MAX_FREE : MISS_AT_ONCE;

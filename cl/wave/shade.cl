@@ -62,7 +62,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     if (last || is_black(&vertex)) {
         return;
     }
-    const Sampler sampler = sampler_of(settings->seed, path.z, path.w);
+    const Sampler sampler = sampler_for(settings, path.z, path.w);
     uint next = 0u;
 #if HAS_LIGHTS
     const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));

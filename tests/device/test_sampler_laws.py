@@ -7,25 +7,10 @@ from itertools import product
 import numpy as np
 import pytest
 
+from nets import PAIRS, is_binary_net, is_elementary
 from shading_programs import sample_sets
 
-PAIRS = ((0, 1), (2, 3))
 CROSS_PAIRS = ((0, 2), (0, 3), (1, 2), (1, 3))
-
-
-def is_elementary(points: np.ndarray, bits: tuple[int, ...]) -> bool:
-    """Whether every box of 2^-bits[i] by ... holds the same number of the points (n, dims), n a power of two."""
-    cell = np.zeros(len(points), np.int64)
-    for axis, b in enumerate(bits):
-        cell = (cell << b) | np.floor(points[:, axis].astype(float) * 2**b).astype(np.int64)
-    share, rest = divmod(len(points), 2 ** sum(bits))
-    return rest == 0 and bool((np.bincount(cell, minlength=2 ** sum(bits)) == share).all())
-
-
-def is_binary_net(points: np.ndarray) -> bool:
-    """Whether 2^m points of [0,1)^2 are a (0,m,2)-net in base 2."""
-    m = int(np.log2(len(points)))
-    return all(is_elementary(points, (k, m - k)) for k in range(m + 1))
 
 
 @pytest.mark.parametrize(("seed", "dimension_set"), [(0, 0), (2**32 - 1, 3), (12345, 7)])

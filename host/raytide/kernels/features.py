@@ -46,6 +46,7 @@ class Features:
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
+    blue_noise: bool = False  # neighbouring pixels share a sequence
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
     one_sided: bool = False  # any material that names whether its back is like its front

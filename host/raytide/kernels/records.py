@@ -260,6 +260,10 @@ _TABLE = (
         ("float", "filter_radius", "pixels", ""),
         ("uint", "shadows", "", "0: lights shine through everything (integrator local)"),
         ("uint", "shadows_alone", "", "1: light straight from a source arrives by shadow rays only, but on mirrors"),
+        ("uint", "first_x", "pixels", "of the window in the whole picture"),
+        ("uint", "first_y", "pixels", ""),
+        ("uint", "whole_width", "pixels", ""),
+        ("uint", "block_bits", "", "sampler blue_noise: log2 of the samples in a pixel's block; even"),
     ),
 )
 

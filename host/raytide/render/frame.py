@@ -25,7 +25,7 @@ class Frame:
     def __init__(self, device: Device, program: Program, settings: Buffer, size: tuple[int, int]) -> None:
         self.device, self._program, self._settings, self.size = device, program, settings, size
         self.pixels = size[0] * size[1]
-        self.tiles = -(-size[0] // TILE_SIDE) * -(-size[1] // TILE_SIDE)
+        self.tiles = schedule.tiles_of(size)
         self._check_fits()
         self._sums = [device.empty(self.pixels * 16) for _ in range(3)]
         self._differences = device.empty(self.pixels * 16 * ROWS)
@@ -59,7 +59,7 @@ class Frame:
 
     def pixels_of(self, first_tile: int, tiles: int) -> int:
         """Pixels of the picture that lie in tiles first_tile .. first_tile + tiles - 1."""
-        across = -(-self.size[0] // TILE_SIDE)
+        across = schedule.tiles_across(self.size[0])
         tile = np.arange(first_tile, first_tile + tiles)
         wide = np.minimum(TILE_SIDE, self.size[0] - tile % across * TILE_SIDE)
         high = np.minimum(TILE_SIDE, self.size[1] - tile // across * TILE_SIDE)

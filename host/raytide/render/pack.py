@@ -94,6 +94,8 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         gaussian=render.filter == "gaussian",
         center=render.filter == "centre",
         local=render.integrator == "local",
+        sobol=render.sampler != "random",
+        blue_noise=render.sampler == "blue_noise",
         **{name: everything or name in asked for name in SWITCHES},
     )
 

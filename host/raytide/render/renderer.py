@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-import threading
 import time
-import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from threading import Event
 from typing import Any
 
 import numpy as np
 
-from raytide.accel import (
-    FlatGeometry,
-    Forest,
-    Tree,
-    build_tree,
-    compact_source,
-    compact_tree,
-    tree_sources,
-    update_tree,
-)
+from raytide.accel import Forest, compact_source, tree_sources
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
-from raytide.kernels.constants import TILE, TILE_SIDE
+from raytide.kernels.constants import TILE
 from raytide.kernels.features import Features
 from raytide.kernels.source import Source, assemble
 from raytide.render import layers, schedule
 from raytide.render.film import Film
 from raytide.render.frame import PIXEL_BYTES, Frame
 from raytide.render.instances import mesh_records
-from raytide.render.limits import History, Limits, Row, limits_of
+from raytide.render.limits import History, Limits, limits_of
+from raytide.render.loop import Loop, Shelf
 from raytide.render.pack import PackedScene, features_of, pack
 from raytide.render.provenance import provenance_of, report_of
 from raytide.render.settings import settings_record, with_settings
+from raytide.render.trees import Trees
 from raytide.render.trial import Trial
 from raytide.render.waves import RayCounts, SceneBuffers, Waves
 from raytide.scene.flatten import FlatScene
@@ -71,12 +63,9 @@ class Renderer:
         self.times: dict[str, float] = {}
         self.sources: dict[str, Source] = {}
         self.programs: dict[str, Program] = {}
-        self.stopped_by: str | None = None
         self.frame: Frame | None = None
         self.waves: Waves | None = None
-        self._trees: list[tuple[Tree, FlatGeometry, tuple[str, bool]]] = []  # what each was built of, and how
-        self._film: weakref.ref[Film] | None = None
-        self._stop = threading.Event()
+        self._trees, self._shelf, self._stop = Trees(), Shelf(), Event()
         self._owns_device = not isinstance(device, Device)
         with self._timed("open_device"):
             self.device = device if isinstance(device, Device) else open_device(device, threads=threads)
@@ -102,7 +91,7 @@ class Renderer:
 
     def _prepare(self) -> None:
         """Everything between the scene and the first wave."""
-        self._settle_film()
+        self._shelf.settle()
         self.frame = self.waves = None  # the old buffers go before the new ones come
         self.times = {stage: self.times[stage] for stage in ("open_device",) if stage in self.times}
         with self._timed("pack"):
@@ -138,29 +127,10 @@ class Renderer:
         self.trial = Trial(self.device, self.variants, kernels, self.traversal != "auto")
 
     def _build_tree(self) -> None:
-        """Trees stay while geometry, builder and layout do: that of a mesh, wherever its instances go. The world's
-        follows positions while its primitives stay."""
         parts = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)]
-        how = (self.flat.render.bvh, self.features.compact)
-        kept = [(tree, of) for tree, of, by in self._trees if by == how]
-        trees: list[Tree] = []
-        for place, part in enumerate(parts):
-            likely = kept[place : place + 1] + kept  # most keep their places
-            tree = next((tree for tree, of in likely if _same(of, part)), None)
-            if tree is None:
-                tree = self._new_tree(part, kept[0] if kept and place == 0 else None)
-            trees.append(tree)
-        self._trees = [(tree, part, how) for tree, part in zip(trees, parts, strict=True)]
-        self.forest = Forest(trees[0], trees[1:])
-
-    def _new_tree(self, geometry: FlatGeometry, before: tuple[Tree, FlatGeometry] | None) -> Tree:
-        """A tree of `geometry`; `before` is one of nearly the same, in the same layout, by the same builder."""
-        builder, program = self.flat.render.bvh, self.programs.get("bvh")
-        if self.features.compact:
-            return compact_tree(build_tree(geometry, builder, self.device, program=program), geometry, self.device)
-        if before is not None:
-            return update_tree(*before, geometry, builder, self.device, program)
-        return build_tree(geometry, builder, self.device, program=program)
+        self.forest: Forest = self._trees.forest(
+            parts, self.flat.render.bvh, self.features.compact, self.device, self.programs.get("bvh")
+        )
 
     def program(self, wave: schedule.Wave) -> Program:
         """The program of a wave that is not in every schedule, built when it is first asked for."""
@@ -173,8 +143,7 @@ class Renderer:
     def _upload(self) -> None:
         width, height = self.flat.camera.size
         info = self.device.info
-        tiles = -(-width // TILE_SIDE) * -(-height // TILE_SIDE)
-        most = tiles * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
+        most = schedule.tiles_of((width, height)) * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes)
         needed = width * height * PIXEL_BYTES + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
@@ -192,15 +161,14 @@ class Renderer:
         self._begin()
 
     def _begin(self) -> None:
-        self.stopped_by, self._film = None, None
-        self.history = History()
-        self.limits = limits_of(self.flat.render)
+        self._shelf.forget()
         self._stop.clear()
+        self._loop = Loop(self._shelf, self._stop, limits_of(self.flat.render))
 
     def restart(self, seed: int | None = None) -> None:
         """Film and counters to zero: a new picture of the same scene, with another seed if one is given."""
         frame, waves = self._open()
-        self._settle_film()
+        self._shelf.settle()
         if seed is not None:
             self.settings["seed"] = seed
             self.flat = with_settings(self.flat, {"seed": seed})
@@ -241,49 +209,22 @@ class Renderer:
         return self.film
 
     def _run(self, watch: bool, **given: Any) -> Iterator[None]:
-        frame, waves = self._open()
-        self.limits = limits = limits_of(self.flat.render, **given)
-        look = watch or limits.error is not None
-        self.stopped_by = self._ended_before(limits)
-        if self.stopped_by:
-            return
-        for finished in frame.run(waves, limits.spp, self._stop.is_set, limits.time):
-            film = self._end_pass(finished, look)
-            yield
-            del film  # held until here, so that whoever asks for the film gets the one that was looked at
-            self._settle_film()
-            if self.stopped_by:
-                return
-        self.stopped_by = "spp"
+        return self._loop.run(*self._open(), lambda: self.film, limits_of(self.flat.render, **given), watch)
 
-    def _ended_before(self, limits: Limits) -> str | None:
-        """Whether the picture is already beyond its time or error."""
-        history = self.history
-        if limits.error is not None and history.rows and history.rows[-1].relmse is None:
-            history.complete(self.film.error)
-        reached = history.reached(limits)
-        return reached if reached != "spp" else None
+    @property
+    def stopped_by(self) -> str | None:
+        """What ended the last render: "spp", "time", "error" or "interrupt"; None before and inside one."""
+        return self._loop.stopped_by
 
-    def _end_pass(self, finished: bool, look: bool) -> Film | None:
-        """Notes the pass, says in `stopped_by` what ends the render after it, and gives the film that was looked at."""
-        frame, waves = self._open()
-        history, film = self.history, None
-        self._film = None
-        history.add(Row(frame.seconds, frame.device_seconds, frame.spp, waves.rays.total))
-        self.stopped_by = history.reached(self.limits)
-        if not finished:
-            self.stopped_by = "time" if self.stopped_by == "time" and not self._stop.is_set() else "interrupt"
-            self._stop.clear()
-        if self.stopped_by and look:
-            film = self.film
-            history.complete(film.error)  # known at the end of every render; only looks before it are a cost
-        elif look and history.affordable():
-            begun = time.perf_counter()
-            film = self.film
-            history.complete(film.error, cost := time.perf_counter() - begun)
-            frame.seconds += cost
-            self.stopped_by = history.reached(self.limits)
-        return film
+    @property
+    def history(self) -> History:
+        """A row for every pass of the picture."""
+        return self._loop.history
+
+    @property
+    def limits(self) -> Limits:
+        """Those of the last render."""
+        return self._loop.limits
 
     @property
     def status(self) -> dict[str, Any]:
@@ -303,22 +244,15 @@ class Renderer:
     @property
     def film(self) -> Film:
         """The picture so far. Films that someone holds stay as they were when the render goes on or ends."""
-        film = self._film() if self._film else None
-        if film is None:
-            frame, waves = self._open()
-            film = Film(frame.spp, frame.figures(waves.rays), provenance_of(self), self._read, self._layers())
-            self._film = weakref.ref(film)
-        return film
+        return self._shelf.film(self._new_film)
+
+    def _new_film(self) -> Film:
+        frame, waves = self._open()
+        return Film(frame.spp, frame.figures(waves.rays), provenance_of(self), self._read, self._layers())
 
     def _read(self) -> Any:
         with self._timed("readback"):
             return self._open()[0].read()
-
-    def _settle_film(self) -> None:
-        """Reads the last film, if anybody still holds it, before its buffers change."""
-        film = self._film() if self._film else None
-        if film is not None:
-            _ = film.data
 
     def _layers(self) -> Any:
         """Renders the layers of the scene as it is now; a later update() makes them unavailable."""
@@ -344,15 +278,7 @@ class Renderer:
         """Lets the film and wave buffers go, and the device if this renderer opened it. Films that someone holds
         stay whole; they keep the scene's buffers for their layers."""
         if self.waves is not None:
-            self._settle_film()
+            self._shelf.settle()
         self.frame = self.waves = None
         if self._owns_device and hasattr(self, "device"):
             self.device.close()
-
-
-def _same(a: FlatGeometry, b: FlatGeometry) -> bool:
-    """Whether two geometries are equal, byte by byte."""
-    counts = (a.plane_count, a.instance_count) == (b.plane_count, b.instance_count)
-    return counts and all(
-        np.array_equal(getattr(a, name), getattr(b, name)) for name in ("vertices", "triangles", "shapes")
-    )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from raytide.errors import UsageError
-from raytide.kernels.constants import EDGE_BINS, PARTITION_CHUNK, TILE
+from raytide.kernels.constants import EDGE_BINS, PARTITION_CHUNK, TILE, TILE_SIDE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 
@@ -131,6 +131,16 @@ def plan_waves(kind: str, compute_units: int, memory: int | None, most_items: in
     if capacity < TILE:
         raise UsageError(f"memory: came {memory} bytes; wanted at least {TILE * (2 * SLOT_BYTES + SAMPLE_BYTES)}")
     return WavePlan(capacity, samples)
+
+
+def tiles_across(width: int) -> int:
+    """Tiles beside each other in a picture of `width` pixels."""
+    return -(-width // TILE_SIDE)
+
+
+def tiles_of(size: tuple[int, int]) -> int:
+    """Tiles of a picture of (width, height) pixels, those at its border included."""
+    return tiles_across(size[0]) * tiles_across(size[1])
 
 
 def passes(spp: int, done: int = 0) -> Iterator[tuple[int, int]]:

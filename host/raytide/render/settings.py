@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from raytide.errors import UsageError
-from raytide.kernels.constants import TILE_SIDE
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
+from raytide.render.schedule import tiles_across
 from raytide.scene.flatten import FlatScene
 
 
@@ -29,12 +29,19 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
     return replace(flat, camera=camera, render=render)
 
 
+def _block_bits(spp: int) -> int:
+    """log2 of the samples that sampler blue_noise sets apart for a pixel: the power of four from `spp` up, at most
+    2^20."""
+    return min((max(spp - 1, 1).bit_length() + 1) // 2 * 2, 20)
+
+
 def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     """The Settings record of a render."""
     row = np.zeros(1, RECORDS["Settings"].dtype)
     width, height = flat.camera.size
     render = flat.render
-    row["width"], row["height"], row["tiles_x"] = width, height, -(-width // TILE_SIDE)
+    row["width"], row["height"], row["tiles_x"] = width, height, tiles_across(width)
+    row["whole_width"], row["block_bits"] = width, _block_bits(render.spp)
     row["seed"], row["max_depth"] = render.seed, render.max_depth
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
     row["light_count"], row["environment"] = len(packed.lights), packed.environment

@@ -28,6 +28,10 @@ class RenderSettings(Table):
     filter_width: Number | None = key(
         None, above=0, high=16, unit="pixels", doc="full width of the filter; default 1 for box, 4 for gaussian"
     )
+    sampler: Literal["sobol", "blue_noise", "random"] = key(
+        "sobol", doc="sobol: Owen-scrambled sequences; blue_noise: the same, whose error cancels between neighbouring "
+        "pixels once spp samples are done; random: independent numbers, to compare with",
+    )
     bvh: Literal["sah", "sah-hq", "lbvh", "none"] = key(
         "sah", doc="tree builder: sah-hq builds longer and traces faster; none tests every primitive"
     )
