@@ -2,8 +2,8 @@
 #include "base/portable.cl"
 
 // Multiply-adds: eight independent chains x = x x + c of REAL (some lanes of SCALAR) in every item, CHAIN steps each. Not
-// affine, so that no compiler folds the chain; with c below 1/4 it creeps towards a fixed point near 1/2, which tells how
-// many steps were done and keeps rounding from growing. REAL, SCALAR, STEP(x, c) and LANE_SUM(v) come from the host.
+// affine, so that no compiler folds the chain; with c just below 1/4 it creeps towards 1/2, n steps coming as near as
+// 1/n, which tells how many were done and keeps rounding from growing. REAL, SCALAR, STEP(x, c) and LANE_SUM(v) come from the host.
 
 #define CHAINS 8u
 
@@ -16,7 +16,7 @@ kernel void arithmetic(global const SCALAR *c, global SCALAR *out, const uint co
     REAL constants[CHAINS], x[CHAINS];
 #pragma unroll
     for (uint k = 0u; k < CHAINS; k++) {
-        constants[k] = (REAL)(c[i] * ((SCALAR)1.0f - (SCALAR)0.015625f * (SCALAR)k));
+        constants[k] = (REAL)(c[i] * ((SCALAR)1.0f - (SCALAR)4.76837158203125e-7f * (SCALAR)k));
         x[k] = constants[k];
     }
     for (uint n = 0u; n < CHAIN; n++) {

@@ -53,10 +53,12 @@ def test_every_peak_is_measured_and_right(device: Device) -> None:
 
 WRONG = {
     "fp32x1": ("bench/arithmetic.cl", "n < CHAIN", "n < CHAIN - 4u"),
-    "read": ("bench/memory.cl", "for (uint i = item; i < count; i += items)", "for (uint i = item; i < count / 2u; i += items)"),
+    "read": ("bench/memory.cl", "for (uint i = item; i < count; i += items)",
+             "for (uint i = item; i < count / 2u; i += items)"),
     "gather": ("bench/memory.cl", "item * reads + k) & mask", "item + k) & (mask >> 1)"),
     "local": ("bench/memory.cl", "(item + k) & 255u] ^ k", "item & 255u] ^ k"),
-    "atomic_one": ("bench/overhead.cl", "k < rounds; k++) {\n        atomic_inc(&counters[0]);", "k < rounds; k += 2u) {\n        atomic_inc(&counters[0]);"),
+    "atomic_one": ("bench/overhead.cl", "k++) {\n        atomic_inc(&counters[0]);",
+                   "k += 2u) {\n        atomic_inc(&counters[0]);"),
 }  # fmt: skip
 
 
@@ -91,11 +93,11 @@ def test_another_order_of_triangles_is_no_fault(device: Device) -> None:
     assert found["status"] == "ok" and "same_samples" not in found["validity"], found["reason"]
 
 
-@pytest.mark.parametrize("name", ["reflectance at glass a tenth too high", "last row of pixels lost", "random numbers skewed"])
+@pytest.mark.parametrize("name", ["reflectance at glass a tenth too high", "last row of pixels lost"])
 def test_a_wrong_kernel_is_invalid_and_says_why(
     device: Device, name: str, mutated: Callable[[str, str, str], None]
 ) -> None:
-    """Three of the twelve faults of tools/bench_faults.py."""
+    """Two of the faults of tools/bench_faults.py."""
     import bench_faults
 
     fault: Any = next(one for one in bench_faults.FAULTS if one.name == name)

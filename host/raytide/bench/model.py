@@ -202,5 +202,5 @@ class Result(Open):
 
 def json_schema() -> dict[str, Any]:
     """The published schema of result files."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": SCHEMA,
-            **Result.model_json_schema(by_alias=True)}  # fmt: skip
+    found = {**Result.model_json_schema(by_alias=True), "title": SCHEMA}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}

@@ -83,7 +83,9 @@ def summary_cells(part: dict[str, Any]) -> list[str]:
 
 
 def peaks_table(peaks: dict[str, Any]) -> str:
-    rows = [[row["name"], *summary_cells(row), "; ".join(filter(None, (remark(row), row["doc"])))] for row in peaks.get("rows", [])]
+    rows = []
+    for row in peaks.get("rows", []):
+        rows.append([row["name"], *summary_cells(row), "; ".join(filter(None, (remark(row), row["doc"])))])
     return aligned(["PEAK", "MEDIAN", "+-", "N", ""], rows) if rows else f"peaks: {remark(peaks)}"
 
 

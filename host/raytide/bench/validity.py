@@ -46,6 +46,7 @@ class Validity:
 def verify(renderer: Renderer, reference: Reference, scrambled: bool = False) -> Validity:
     """All tests. The renderer's picture is lost. Triangles in another order have other samples, but the same means."""
     out = Validity()
+    sound_arithmetic(renderer, out)
     if renderer.scene_sha256 != reference.scene_sha256 and not scrambled:
         out.figures["scene_sha256"] = {"came": renderer.scene_sha256, "wanted": reference.scene_sha256}
         out.reasons.append("the scene is not the one that the reference was made of")
@@ -54,6 +55,16 @@ def verify(renderer: Renderer, reference: Reference, scrambled: bool = False) ->
         same_samples(renderer, reference, out)
     unbiased(renderer, reference, out)
     return out
+
+
+def sound_arithmetic(renderer: Renderer, out: Validity) -> None:
+    """What the start-up probe found of the device's arithmetic with the options of this run. Fast mathematics often
+    shows nothing in a picture, but takes from every guard the power to stop what is not a number."""
+    found = renderer.device.probes
+    out.figures["arithmetic"] = {"nan_compares_false": found.nan_compares_false, "nan_bits": found.nan_bits,
+                                 "contracted": found.contracted}  # fmt: skip
+    if not found.nan_compares_false:
+        out.reasons.append("comparisons with NaN are true: fast mathematics; guards do not hold")
 
 
 def same_samples(renderer: Renderer, reference: Reference, out: Validity) -> None:
