@@ -5,6 +5,7 @@
 #include "accel/traverse.cl"
 #include "accel/relief.cl"
 #include "accel/textured.cl"
+#include "accel/opacity.cl"
 #include "dispatch/material.cl"
 #include "wave/path.cl"
 
@@ -24,7 +25,19 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
     const float2 center = (float2)((float)(pixel % settings->width) + 0.5f, (float)(pixel / settings->width) + 0.5f);
     Ray ray = camera_ray(camera, center, (float2)(0.5f));
     ray.direction.w = T_MAX_FREE;
-    const Hit hit = trace_closest(g, ray);
+    Hit hit = trace_closest(g, ray);
+#if HAS_OPACITY
+    float before = 0.0f;
+    for (; hit.prim != NONE; hit = trace_closest(g, ray)) {
+        const Surface seen = surface_of(g, ray, hit);
+        if (opacity_at(g, objects, materials, &seen) >= 0.5f) {
+            break;
+        }
+        ray = ray_beyond(ray, &seen);
+        before += hit.t;
+    }
+    hit.t += before;
+#endif
     if (hit.prim == NONE) {
         albedo_depth[i] = (float4)(0.0f, 0.0f, 0.0f, INFINITY);
         normal[i] = (float4)(0.0f);

@@ -12,6 +12,7 @@
 #include "dispatch/light.cl"
 #include "wave/path.cl"
 #include "wave/vertex.cl"
+#include "wave/pass.cl"
 
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
@@ -21,7 +22,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
                   global const Light *lights, global const Settings *settings, global const uint *queue,
                   const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,
                   global uint4 *paths, global uint *status, global Ray *shadow_rays, global float4 *shadow_light,
-                  global float4 *samples)
+                  global float4 *samples SCATTERINGS_ARGUMENT)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
@@ -34,7 +35,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     PREFETCH(hits + later);
     PREFETCH(paths + later);
     PREFETCH(throughput + later);
-    const Ray ray = rays[slot];
+    Ray ray = rays[slot];
     const Hit hit = hits[slot];
     uint4 path = paths[slot];
     const float4 state = throughput[slot];
@@ -51,13 +52,15 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit, path.y, state);
-    if (is_light(objects, &vertex) || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
+    const int passed = pass_on(g, objects, materials, settings, &vertex, &ray, path, slot, rays, throughput,
+                               status + i SCATTERINGS);
+    if (is_light(objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory
         samples[path.x] += make4(emission_seen(lights, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
     }
 #if HAS_LOCAL
-    const int last = 0;  // reflection_depth alone ends these paths
+    const int last = passed;  // reflection_depth alone ends these paths
 #else
-    const int last = edge >= settings->max_depth;
+    const int last = passed || edge >= settings->max_depth;
 #endif
     if (last || is_black(&vertex)) {
         return;
@@ -66,9 +69,8 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     uint next = 0u;
 #if HAS_LIGHTS
     const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
-    const float4 light_u = both.lo;
     const float4 u = both.hi;
-    const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, light_u);
+    const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, both.lo);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
     if (direct.valid && !asks) {
@@ -89,6 +91,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     if (onward.valid) {
         rays[slot] = onward.ray;
         throughput[slot] = onward.state;
+        note_scattering(slot, onward.ray SCATTERINGS);
         path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u) | (onward.medium << PATH_MEDIUM_SHIFT);
         paths[slot] = path;
         next |= STATUS_ALIVE;

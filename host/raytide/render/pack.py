@@ -11,7 +11,16 @@ import numpy as np
 
 from raytide.accel import FlatGeometry
 from raytide.errors import UsageError
-from raytide.kernels.constants import ABSORBS, HIDDEN, MOST_MEDIA, ONE_SIDED, RAY_KINDS, STRETCHED, TRANSMITS
+from raytide.kernels.constants import (
+    ABSORBS,
+    HIDDEN,
+    MOST_MEDIA,
+    ONE_SIDED,
+    RAY_KINDS,
+    SEE_THROUGH,
+    STRETCHED,
+    TRANSMITS,
+)
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
@@ -213,7 +222,8 @@ def _materials(flat: FlatScene) -> np.ndarray:
         one_sided = not model.two_sided and model.type != "emissive"
         row["flags"] = (TRANSMITS if model.transmits else 0) | (ABSORBS if absorption.any() else 0)
         row["flags"] |= (STRETCHED if "tangents" in model.switches() else 0) | (ONE_SIDED if one_sided else 0)
-        row["absorption"][:3] = absorption
+        row["flags"] |= SEE_THROUGH if model.opacity < 1 or "opacity" in model.textures() else 0
+        row["absorption"] = (*absorption, model.opacity)
         numbers = [x for _, values in model.parameters() for x in values]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x

@@ -32,6 +32,8 @@ class Emissive(Material):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         check_product(self.radiance, self.scale)
+        if "opacity" in self.model_fields_set:
+            raise ValueError("came opacity; wanted it on the base: what shines does so in full")
         return self
 
     def parameter(self, name: str) -> Any:
@@ -88,7 +90,7 @@ class RoughConductor(Metal, StretchedFacets):
 
     @model_validator(mode="after")
     def _derives(self) -> Self:
-        textured = sorted(set(self.textures()) - set(self.RELIEF) - {"specular_reflectance"})
+        textured = sorted(set(self.textures()) - set(self.RELIEF) - {"specular_reflectance", "opacity"})
         if self.compensation and textured:
             words = " and ".join(textured)
             raise ValueError(f"came compensation with a texture for {words}; wanted numbers to derive it from")

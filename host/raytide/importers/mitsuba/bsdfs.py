@@ -12,7 +12,7 @@ from raytide.importers.mitsuba.metals import IORS, METALS
 from raytide.importers.mitsuba.reader import Reader
 
 SMALLEST_ALPHA = 1e-4  # raytide's
-ANISOTROPIC = {"roughness_u", "roughness_v", "anisotropic", "normal_map", "bump"}  # keys that look at directions
+ANISOTROPIC = {"roughness_u", "roughness_v", "anisotropic", "normal_map", "bump_map"}  # keys that look at directions
 OTHERS = (
     "circular", "hair", "measured", "measured_polarized", "null", "polarizer", "pplastic", "principledthin", "retarder",
 )  # fmt: skip
@@ -128,7 +128,7 @@ def _bumpmap(reader: Reader) -> Table | None:
         reader.problem("", f"{len(found)} textures", "one texture of heights")
         return None
     height = reader.build.textures.value(reader, "", found[0], colour=False)
-    return None if table is None else table | {"bump": height, "bump_scale": scale}
+    return None if table is None else table | {"bump_map": height, "bump_scale": scale}
 
 
 def _normalmap(reader: Reader) -> Table | None:
