@@ -8,6 +8,7 @@ from typing import Any
 
 from raytide.bench.score import score_line
 
+_WORDS = ("", "LIMITED BY")  # heads of columns of words
 PREFIXES = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"))
 
 
@@ -22,13 +23,12 @@ def figure(value: float | None, unit: str = "") -> str:
 
 
 def aligned(head: list[str], rows: list[list[str]]) -> str:
-    """Columns: the first and the last to the left, the others to the right."""
+    """Columns: the first and those of words to the left, the others to the right."""
     table = [head, *rows]
     widths = [max(len(row[column]) for row in table) for column in range(len(head))]
-    last = len(head) - 1
     lines = []
     for row in table:
-        cells = [cell.ljust(width) if column in (0, last) else cell.rjust(width)
+        cells = [cell.ljust(width) if column == 0 or head[column] in _WORDS else cell.rjust(width)
                  for column, (cell, width) in enumerate(zip(row, widths, strict=True))]  # fmt: skip
         lines.append("  ".join(cells).rstrip())
     return "\n".join(lines)
