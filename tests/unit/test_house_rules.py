@@ -27,7 +27,7 @@ ARROWS = {
     "render": {"scene", "importers", "kernels", "device", "image", "accel"},
     "report": {"scene", "importers", "kernels", "device", "image", "accel", "render"},
     "bench": {"__init__", "scene", "kernels", "device", "image", "accel", "render", "report"},
-    "verify": {"scene", "kernels", "device", "accel", "render"},
+    "verify": {"scene", "importers", "kernels", "device", "image", "accel", "render"},
     "cli": {"scene", "importers", "kernels", "device", "image", "accel", "render", "report", "verify", "bench"},
     "__init__": {"scene", "device", "image", "render"},
     "__main__": {"cli"},
