@@ -288,7 +288,9 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
 #if !HAS_LOCAL
     if (settings->roulette_start != 0u && edge >= settings->roulette_start) {
-        const float survival = max_of(min_of(strongest, 0.95f), 9.5367432e-7f);  // 2^-20: u has 24 bits
+        // A share that never reached 1 would let weights grow without bound where albedos exceed its root. 2^-20: u has
+        // 24 bits.
+        const float survival = max_of(min_of(strongest, 1.0f), 9.5367432e-7f);
         if (!(u.w < survival)) {
             return out;
         }

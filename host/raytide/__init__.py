@@ -22,7 +22,7 @@ _HOMES = {
         "mesh_attribute plane point rect sky sphere spot"
     ),
     "raytide.device": "list_devices pick",
-    "raytide.render": "Film Renderer",
+    "raytide.render": "Checkpoints Film Renderer",
     "raytide.errors": "DeviceError ImageInvalid RaytideError SceneError UsageError",
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names.split()}

@@ -255,7 +255,7 @@ def _camera(flat: FlatScene, origin: np.ndarray) -> np.ndarray:
     if isinstance(camera, ThinLens):
         row["origin"][0, 3] = camera.aperture
         row["right"][0, 3] = 1.0 / camera.focus_distance
-    aspect = width / height
-    right_of, above = (2 * half * part for part in camera.shift)
-    row["raster"][0] = (right_of - half * aspect, above + half, 2 * half * aspect / width, -2 * half / height)
+    step = 2 * half / height  # pixels are square
+    right_of, above = (part * height for part in camera.shift)
+    row["raster"][0] = (width / 2 - right_of, height / 2 + above, step, -step)
     return row
