@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,15 +15,17 @@ import pytest
 from pydantic import ValidationError
 
 from raytide.bench import record, runner, validity
+from raytide.bench.compare import compare, share_of
 from raytide.bench.model import Result, json_schema
 from raytide.bench.plan import drifting, warm
 from raytide.bench.references import REFERENCE_RUNS, load_references
-from raytide.bench.runner import Findings, Job, canonical_sha256, result_of, run_job, statuses
+from raytide.bench.runner import Findings, Job, canonical_sha256, result_of, run_job, sealed, statuses
 from raytide.bench.score import reference_table, score_line, score_of
 from raytide.bench.show import csv_text, tables
 from raytide.bench.workloads import VERIFY_SIZE, WORKLOADS
 from raytide.cli.bench import beside, exit_code
 from raytide.cli.main import main
+from raytide.errors import UsageError
 
 RESULTS = sorted((Path(__file__).resolve().parents[2] / "results").glob("*.bench.json"))
 
@@ -204,3 +207,79 @@ def test_show_prints_what_was_written(tmp_path: Path, capsys: pytest.CaptureFixt
     assert main(["bench", "schema"]) == 0
     assert json.loads(capsys.readouterr().out)["title"] == "raytide.bench/1"
     assert beside(Path("r.bench.json"), "pocl-3.1/cpu0").name == "r.pocl-3.1-cpu0.bench.json"
+
+
+def timed_result(rates: dict[str, list[float]], **other: Any) -> dict[str, Any]:
+    """A result whose workloads have the given values [s] of 1e6 rays."""
+    found = result()
+    for one in found["workloads"]:
+        values = rates.get(one["id"], [1.0, 1.01, 0.99, 1.0, 1.02])
+        one["timing"] = {"values_s": values, "t_offset_s": list(range(len(values)))}
+        one["summary"]["median"] = 1e6 / float(np.median(values))
+    return {**found, **other}
+
+
+def test_a_slowdown_beyond_noise_is_worse_and_one_within_noise_is_not() -> None:
+    noisy = [1.0, 1.4, 0.7, 1.2, 0.8, 1.1]
+    old = timed_result({"lights": noisy})
+    new = timed_result({"cornell": [1.1, 1.11, 1.09, 1.1, 1.12], "lights": [1.07 * x for x in noisy]})
+    found = compare(old, new)
+    rows = {row.name: row for row in found.rows}
+    assert set(rows) == set(WORKLOADS)
+    assert rows["cornell"].ratio == pytest.approx(1 / 1.1) and rows["cornell"].word == "worse"
+    assert rows["lights"].ratio == pytest.approx(1 / 1.07) and rows["lights"].word == "same within noise"
+    assert rows["spheres"].ratio == 1 and rows["spheres"].low <= 1 <= rows["spheres"].high
+    assert [row.name for row in found.regressions(0.05)] == ["cornell"] and not found.regressions(0.1)
+    assert {row.name: row.word for row in compare(new, old).rows}["cornell"] == "better"
+
+
+def test_other_work_is_not_compared_unless_forced() -> None:
+    old = timed_result({})
+    other = timed_result({}, tool={**old["tool"], "suite_version": "1999.1"})
+    with pytest.raises(UsageError, match="suite_version: 2026.1 and 1999.1"):
+        compare(old, other)
+    assert len(compare(old, other, force=True).rows) == len(WORKLOADS)
+    elsewhere = timed_result({}, device_id="y/cpu0", tool={**old["tool"], "kernels_sha256": "0" * 64})
+    with pytest.raises(UsageError, match="kernels_sha256"):
+        compare(old, elsewhere)
+    newer = timed_result({}, tool={**old["tool"], "kernels_sha256": "0" * 64})
+    assert "tool.kernels_sha256" in {row[0] for row in compare(old, newer).differences}
+    changed = timed_result({})
+    changed["workloads"][0] |= {"workload_sha256": "1", "status": "ok"}
+    why = "another workload: scene, settings or reference changed"
+    assert compare(old, changed).left_out == [("renders cornell", why)]
+    broken = timed_result({})
+    broken["workloads"][1] |= {"status": "invalid", "reason": "wrong"}
+    assert compare(old, broken).left_out == [("renders spheres", "invalid in the second: wrong")]
+
+
+@pytest.mark.parametrize(("text", "share"), [("5%", 0.05), ("0.05", 0.05), ("0", 0.0)])
+def test_shares_are_per_cent_or_plain(text: str, share: float) -> None:
+    assert share_of(text) == pytest.approx(share)
+    for wrong in ("five", "-1", "150%", "nan", ""):
+        with pytest.raises(UsageError):
+            share_of(wrong)
+
+
+def test_commands_compare_and_summarise_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [tmp_path / f"{name}.bench.json" for name in ("old", "new")]
+    for path, seconds in zip(paths, (1.0, 1.2), strict=True):
+        found = timed_result({"cornell": [seconds] * 5})
+        for one in found["workloads"]:
+            one["timing"] |= {"clock": "c", "work_per_value": {}, "warmup_s": [], "event_s": []}
+        path.write_text(json.dumps(sealed({k: v for k, v in found.items() if k != "integrity"})))
+    words = [str(path) for path in paths]
+    assert main(["bench", "compare", *words]) == 0
+    page = tmp_path / "c.html"
+    assert main(["bench", "compare", *words, "--fail-above", "5%", "--html", str(page)]) == 5
+    said = capsys.readouterr()
+    assert "renders cornell" in said.out and "worse: new: renders cornell 0.833" in said.err
+    assert main(["bench", "compare", words[0]]) == 2
+    folder = tmp_path / "s.html"
+    assert main(["bench", "summary", str(tmp_path), "--html", str(folder)]) == 0
+    assert capsys.readouterr().out.count("\n| ") == 2
+    assert main(["bench", "summary", str(tmp_path / "nothing")]) == 2
+    for path in (page, folder):
+        text = path.read_text()
+        assert text.startswith("<!DOCTYPE html>") and "http" not in re.sub(r'http-equiv|xmlns="[^"]*"', "", text)
+    assert main(["bench", "show", words[0], "--html", str(page)]) == 0 and "cornell" in page.read_text()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from raytide.bench.runner import Job
 
 Flag = Annotated[bool, Parameter(negative="")]
-INVALID, NO_DEVICE, FAILED = 4, 3, 1
+INVALID, NO_DEVICE, FAILED, REGRESSION = 4, 3, 1, 5
 SUFFIX = ".bench.json"
 
 app = App(name="bench", help="Measure devices: a score for right pictures only.", result_action="return_value")
@@ -29,6 +29,7 @@ def bench(
     device: str | None = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     csv: Path | None = None,
+    html: Path | None = None,
     quick: Flag = False,
     workload: Annotated[list[str] | None, Parameter(negative="")] = None,
     threads: int | None = None,
@@ -50,6 +51,8 @@ def bench(
         Write the result here, by custom as NAME.bench.json. With several devices each has a file of its own.
     csv
         Write one row for each measurement to this file.
+    html
+        Write a page for people to this file: works offline, tables sort.
     quick
         The sizes of suite quick for another suite.
     workload
@@ -69,7 +72,7 @@ def bench(
     from raytide.cli.options import check_outputs
 
     jobs = jobs_of(suite, device, quick, workload, threads, traversal, scramble, soak, patience)
-    check_outputs([], [output, csv], no_clobber=False)
+    check_outputs([], [output, csv, html], no_clobber=False)
     results = []
     for job in jobs:
         say(f"{job.device}: suite {job.suite}")
@@ -79,6 +82,8 @@ def bench(
             write(output if len(jobs) == 1 else beside(output, job.device), results[-1])
     if csv:
         write_csv(csv, results)
+    if html:
+        write_html(html, results)
     return max(map(exit_code, results), key=(0, FAILED, NO_DEVICE, INVALID).index)
 
 
@@ -171,6 +176,14 @@ def write_csv(path: Path, results: Sequence[dict[str, Any]]) -> None:
     say(f"wrote {path}")
 
 
+def write_html(path: Path, results: Sequence[dict[str, Any]]) -> None:
+    from raytide.bench.report import result_page, summary_page
+    from raytide.report.page import write_page
+
+    write_page(path, result_page(results[0]) if len(results) == 1 else summary_page(results))
+    say(f"wrote {path}")
+
+
 @app.command
 def schema() -> int:
     """Print the JSON schema of result files."""
@@ -183,7 +196,7 @@ def schema() -> int:
 
 
 @app.command(name="show")
-def show_file(file: Path, /, *, csv: Flag = False) -> int:
+def show_file(file: Path, /, *, csv: Flag = False, html: Path | None = None) -> int:
     """Print a result file as tables, or as CSV.
 
     Parameters
@@ -192,10 +205,89 @@ def show_file(file: Path, /, *, csv: Flag = False) -> int:
         What `raytide bench -o` wrote.
     csv
         One row for each measurement.
+    html
+        Write a page for people to this file instead.
     """
     from raytide.bench.files import load_result
     from raytide.bench.show import csv_text, tables
 
     result = load_result(file)
+    if html:
+        write_html(html, [result])
+        return exit_code(result)
     print(csv_text(result) if csv else tables(result), end="" if csv else "\n")
     return exit_code(result)
+
+
+@app.command
+def compare(
+    *files: Path, fail_above: str | None = None, html: Path | None = None, force: Flag = False
+) -> int:
+    """Compare result files with the first of them: what differs around them, then ratios with intervals.
+
+    Exit code 5 with --fail-above where a measurement became worse by more than that, and by more than noise.
+
+    Parameters
+    ----------
+    files
+        Two or more result files.
+    fail_above
+        Share such as 5%.
+    html
+        Write a page for people to this file too.
+    force
+        Compare results of other suites, classes or kernels nevertheless.
+    """
+    from raytide.bench import compare as comparing
+    from raytide.bench.files import load_result
+    from raytide.cli.options import check_outputs
+
+    if len(files) < 2:
+        raise UsageError(f"compare: came {len(files)} files; wanted two or more that `raytide bench -o` wrote")
+    share = comparing.share_of(fail_above) if fail_above else None
+    check_outputs([], [html], no_clobber=False)
+    first, *others = [load_result(file) for file in files]
+    names = [file.name.removesuffix(SUFFIX) for file in files]
+    found = [comparing.compare(first, other, force) for other in others]
+    worse = []
+    for name, one in zip(names[1:], found, strict=True):
+        print(comparing.comparison_text((names[0], name), one))
+        worse += [f"{name}: {row.part} {row.name} {row.ratio:.3f}" for row in one.regressions(share)] if share else []
+    if html:
+        from raytide.bench.report import comparison_page
+        from raytide.report.page import write_page
+
+        write_page(html, comparison_page(names, found))
+        say(f"wrote {html}")
+    for line in worse:
+        say(f"worse: {line}")
+    return REGRESSION if worse else 0
+
+
+@app.command
+def summary(folder: Path, /, *, html: Path | None = None) -> int:
+    """Summarise a folder of result files as one table, and as one page that sorts and works offline.
+
+    Parameters
+    ----------
+    folder
+        Where the files *.bench.json are.
+    html
+        Write the page to this file too.
+    """
+    from raytide.bench.files import load_result
+    from raytide.bench.report import summary_markdown, summary_page
+    from raytide.cli.options import check_outputs
+
+    files = sorted(folder.glob(f"*{SUFFIX}"))
+    if not files:
+        raise UsageError(f"{folder}: came no file *{SUFFIX}; wanted a folder with results of `raytide bench -o`")
+    check_outputs([], [html], no_clobber=False)
+    results = [load_result(file) for file in files]
+    print(summary_markdown(results))
+    if html:
+        from raytide.report.page import write_page
+
+        write_page(html, summary_page(results))
+        say(f"wrote {html}")
+    return 0
