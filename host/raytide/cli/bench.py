@@ -68,10 +68,15 @@ def bench(
     patience
         Seconds without a word from a driver after which it is ended.
     """
+    jobs = jobs_of(suite, device, quick, workload, threads, traversal, scramble, soak, patience)
+    return measure(jobs, output, csv, html)
+
+
+def measure(jobs: Sequence[Job], output: Path | None, csv: Path | None, html: Path | None) -> int:
+    """Runs the jobs, shows and writes what they found; gives the exit code of the worst."""
     from raytide.bench.runner import run_job
     from raytide.cli.options import check_outputs
 
-    jobs = jobs_of(suite, device, quick, workload, threads, traversal, scramble, soak, patience)
     check_outputs([], [output, csv, html], no_clobber=False)
     results = []
     for job in jobs:
