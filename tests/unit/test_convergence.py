@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from raytide.cli.main import main
-from raytide.cli.replicates import budgets_of, picture_size
+from raytide.cli.replicates import budgets_of, named_scenes, picture_size
 from raytide.errors import UsageError
 from raytide.report.convergence import Point, Truth, fit, time_to
 from raytide.report.convergence_files import Outcome, csv_text, result_of
@@ -162,6 +162,9 @@ def test_budgets_and_sizes_are_read_as_people_type_them() -> None:
     for wrong in ("", "4,1", "1,1", "1,2s", "0,1", "x", "-1", "1.5", "0s"):
         with pytest.raises(UsageError, match="rising"):
             budgets_of(wrong)
+    assert named_scenes((Path("a/s.toml"), Path("b/s.toml"), Path("b/t.toml"))) == [
+        (Path("a/s.toml"), "a-s"), (Path("b/s.toml"), "b-s"), (Path("b/t.toml"), "t"),
+    ]  # fmt: skip
     assert picture_size("64x48") == (64, 48) and small_size((640, 320)) == (91, 45) and small_size((8, 6)) == (8, 6)
 
 
@@ -169,7 +172,7 @@ def test_budgets_and_sizes_are_read_as_people_type_them() -> None:
     (["converge", "absent.toml"], "-o FOLDER"),
     (["converge", "-o", "out"], "no scene"),
     (["converge", "absent.toml", "-o", "out"], "absent.toml"),
-    (["converge", "a/s.toml", "b/s.toml", "-o", "out"], "share this name"),
+    (["converge", "x/a/s.toml", "y/a/s.toml", "-o", "out"], "share this name"),
     (["converge", "absent.toml", "-o", "out", "--replicates", "1"], "at least 2"),
     (["converge", "absent.toml", "-o", "out", "--budgets", "1s,2s"], "--reference-spp"),
     (["reference", "absent.toml"], "-o FILE.exr"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
-from raytide.cli.replicates import Reporter, budgets_of, checked_scenes, picture_size
+from raytide.cli.replicates import Reporter, budgets_of, named_scenes, picture_size
 from raytide.cli.signals import Interrupted, StopOnSignal
 from raytide.errors import UsageError
 
@@ -57,7 +57,7 @@ def converge(
                          f"at least 0, and from 0 to {2**31 - 1}")  # fmt: skip
     found, variants = budgets_of(budgets), variants_of(vary or [], device)
     plans = [Plan(scene, variants, found, replicates, picture_size(size), tuple(changes or ()), seed, threads,
-                  allow_outside) for scene in checked_scenes(scenes)]  # fmt: skip
+                  allow_outside, name) for scene, name in named_scenes(scenes)]  # fmt: skip
     if reference is not None and len(plans) > 1:
         raise UsageError(f"--reference: came with {len(plans)} scenes; wanted a single one")
     if reference is None and reference_spp is None and not plans[0].most_spp:
@@ -115,13 +115,13 @@ def truth_of(plan: Plan, devices: Devices, reference: Path | None, spp: int | No
 
     if reference is not None:
         return read_reference(reference)
-    path = output / f"{plan.scene.stem}.reference.exr"
+    path = output / f"{plan.name}.reference.exr"
     each = max(1, (spp or REFERENCE_TIMES * plan.most_spp) // REFERENCE_SLICES)
     scene = load_variant(plan, Variant("reference"))
     scene.render.spp = each
     with Renderer(scene, devices.open(plan.variants[0].device)) as renderer:
         reporter.attach(renderer)
-        name = plan.scene.stem
+        name = plan.name
         done = make_reference(renderer, path, each, REFERENCE_SLICES, reporter.stopped, lambda one: reporter.progress(
             f"{name}, reference: {one.count}/{REFERENCE_SLICES} slices", one.count == REFERENCE_SLICES))  # fmt: skip
     return done.truth(str(path)) if done.count >= 2 else None
@@ -137,7 +137,7 @@ def starts_of(plan: Plan, runs: int, reporter: Reporter) -> dict[str, Any]:
     for variant in plan.variants if runs else ():
         if reporter.stopped():
             break
-        reporter.progress(f"{plan.scene.stem}, {variant.name}: what the command costs beside rendering")
+        reporter.progress(f"{plan.name}, {variant.name}: what the command costs beside rendering")
         width, height = plan.size or small_size(load(plan.scene, overrides=plan.overrides).camera.size)
         words = [str(plan.scene), "--size", f"{width}x{height}", "--traversal", variant.traversal]
         words += [part for word in plan.overrides for part in ("--set", word)]
@@ -188,7 +188,7 @@ def write(output: Path, outcomes: list[Outcome], facts: dict[str, Any], reporter
 
 def lines(outcomes: list[Outcome]) -> str:
     """A table for people."""
-    from raytide.cli.bench import aligned
+    from raytide.bench.show import aligned
     from raytide.report.convergence_files import complete
 
     head = ["SCENE", "VARIANT", "BUDGET", "ERROR", "95 %", "SLOPE", "99 %", "SET-UP S", "RENDER S"]

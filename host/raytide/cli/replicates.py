@@ -108,12 +108,14 @@ def budget_error(text: str) -> UsageError:
     return UsageError(f"--budgets: came {text!r}; wanted rising samples a pixel (1,2,4,8) or times (1s,10s,1min)")
 
 
-def checked_scenes(scenes: tuple[Path, ...]) -> tuple[Path, ...]:
-    """At least one scene, no two whose results would share a name. Raises UsageError."""
+def named_scenes(scenes: tuple[Path, ...]) -> list[tuple[Path, str]]:
+    """Every scene with the name of its results: that of its file, with the folder's before it where two share one.
+    UsageError for none, and for two of one name."""
     if not scenes:
         raise UsageError("came no scene; wanted at least one scene file")
-    names = [path.stem for path in scenes]
+    stems = [path.stem for path in scenes]
+    names = [path.stem if stems.count(path.stem) == 1 else f"{path.parent.name}-{path.stem}" for path in scenes]
     for name in names:
         if names.count(name) > 1:
             raise UsageError(f"{name}: two scene files share this name; wanted different ones, or two runs")
-    return scenes
+    return list(zip(scenes, names, strict=True))

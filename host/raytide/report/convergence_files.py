@@ -30,8 +30,8 @@ class Outcome:
 
     @property
     def name(self) -> str:
-        """The scene file's name."""
-        return self.plan.scene.stem
+        """What the scene is called."""
+        return self.plan.name
 
     def fit_of(self, track: Track) -> Fit | None:
         """Slope and floor; None where budgets are times or too few points count."""

@@ -64,6 +64,12 @@ class Plan:
     seed: int = 1
     threads: int | None = None
     allow_outside: bool = False
+    title: str = ""
+
+    @property
+    def name(self) -> str:
+        """What results call the scene: the file's name unless a title was given."""
+        return self.title or self.scene.stem
 
     @property
     def most_spp(self) -> int:
@@ -187,7 +193,7 @@ def run(plan: Plan, truth: Truth, devices: Devices, stopped: Callable[[], bool],
             add(tracks[place].points[at], film, seed, seconds)
             spent += cost_of(budget)
             left = (time.perf_counter() - begun) * (whole - spent) / spent
-            what = f"{plan.scene.stem}, {plan.variants[place].name}, {budget.label}, replicate {replicate + 1}"
+            what = f"{plan.name}, {plan.variants[place].name}, {budget.label}, replicate {replicate + 1}"
             tell(Step(count + 1, plan.replicates * len(plan.variants) * len(plan.budgets), left, what))
         return tracks
 
