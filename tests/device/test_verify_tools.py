@@ -66,16 +66,23 @@ def test_a_faulty_picture_is_told() -> None:
     assert "negative" in fault_of(film_of(0.5, negative=2), False)
 
 
-def test_a_device_agrees_with_itself_and_not_with_worse_arithmetic(lab: Lab, device: Device) -> None:
+class OtherSamples(Lab):
+    """A bench whose camera rays are others: stands for a device that errs."""
+
+    def renderer(self, scene: Any, **settings: Any) -> Any:
+        return super().renderer(scene, **settings, seed=1)
+
+
+def test_a_device_agrees_with_itself_and_one_that_errs_is_found_at_its_first_wave(lab: Lab, device: Device) -> None:
     scene = scenes()["furnace"]
     same = compare(lab, Lab(device), "furnace", scene, spp=2)
     assert (same.other_bits, same.diverged, same.energy_ratio, same.wave) == (0, 0, 1, "") and same.same_programs
-    other = compare(lab, lab.variant("worse"), "furnace", scene, spp=2)
-    assert other.wave == "primary" and "primary" in other.kernel and other.rays > 0
-    assert 0 < other.other_bits and abs(other.energy_ratio - 1) < 0.05
+    other = compare(lab, OtherSamples(device), "furnace", scene, spp=2)
+    assert other.wave == "primary" and "primary" in other.kernel and other.rays > 0.9
+    assert other.other_bits > 0.9 and other.diverged > 0 and abs(other.energy_ratio - 1) < 0.2
 
 
 def test_the_form_that_renders_use_leaks_nothing_and_the_usual_one_does(lab: Lab) -> None:
     own, usual = measure(lab, "own", False), measure(lab, "usual", True)
     assert own.leaks == (0, 0, 0, 0) and own.ns_per_ray > 0 and own.t_error < 1e-6
-    assert min(usual.leaks) > own.rays // 1000
+    assert min(usual.leaks[:3]) > own.rays // 100
