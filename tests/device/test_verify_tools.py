@@ -79,7 +79,7 @@ def test_a_device_agrees_with_itself_and_one_that_errs_is_found_at_its_first_wav
     assert (same.other_bits, same.diverged, same.energy_ratio, same.wave) == (0, 0, 1, "") and same.same_programs
     other = compare(lab, OtherSamples(device), "furnace", scene, spp=2)
     assert other.wave == "primary" and "primary" in other.kernel and other.rays > 0.9
-    assert other.other_bits > 0.9 and other.diverged > 0 and abs(other.energy_ratio - 1) < 0.2
+    assert other.other_bits > 0.5 and other.diverged > 0 and abs(other.energy_ratio - 1) < 0.2
 
 
 def test_the_form_that_renders_use_leaks_nothing_and_the_usual_one_does(lab: Lab) -> None:

@@ -89,7 +89,7 @@ def verify(
         lab = Lab(opened, full=full)
         print(f"raytide: {opened.info.id}, {size_of(full)}", file=sys.stderr)
         verdicts = again(records, lab) if replay else run_cases(cases, lab, say)
-        result = {"schema": "raytide.verify/1", "size": size_of(full)}
+        result: dict[str, Any] = {"schema": "raytide.verify/1", "size": size_of(full)}
         result |= {"device": opened.info.as_dict() | {"options": [*opened.options]}}
         result |= {"verdicts": [asdict(one) for one in verdicts]}
         result |= cost_rows(lab) if cost else {}

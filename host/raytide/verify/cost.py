@@ -91,8 +91,8 @@ def measure(bench: Lab, name: str, leaky: bool) -> Cost:
     for geometry, center in ((here, (0.0, 0.0, 0.0)), (there, FAR_PLACE)):
         traced = bench.tracer(geometry, leaky=leaky)
         for at, seed in (("edges", 901), ("vertices", 902)):
-            rays = aimed(geometry, center, at, bench.rng(seed), n)
-            hits, met = traced.trace(rays_of(rays["origin"], rays["direction"]))
+            inputs = aimed(geometry, center, at, bench.rng(seed), n)
+            hits, met = traced.trace(rays_of(inputs["origin"], inputs["direction"]))
             leaks.append(int(((hits["prim"] == NONE) | ~met).sum()))
     traced = bench.tracer(here, leaky=leaky)
     rng = bench.rng(903)
