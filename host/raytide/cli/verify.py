@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from raytide.errors import UsageError
 
 if TYPE_CHECKING:
-    from raytide.verify import Verdict
+    from raytide.verify import Case, Verdict
 
 Flag = Annotated[bool, Parameter(negative="")]
 SHORT = 4
@@ -68,21 +68,42 @@ def verify(
     threads
         Threads of a CPU device.
     """
-    from raytide.cli.options import check_outputs
-    from raytide.device import open_device
-    from raytide.verify import chosen_cases, run_cases
+    cases = cases_of(group, case, quick, full, fuzz, bool(cost or against))
+    if list:
+        return listed(cases)
+    return tried(cases, device, threads, full, json, html, replay, case, against, cost)
+
+
+def cases_of(group: str | None, case: str | None, quick: bool, full: bool, fuzz: int | None, none: bool) -> list[Case]:
+    """What the options ask for. Raises UsageError."""
+    from raytide.verify import chosen_cases
     from raytide.verify.fuzz import FUZZED, fuzzed
-    from raytide.verify.lab import Lab
 
     if quick and full:
         raise UsageError("came both --quick and --full; wanted one of them")
-    cases = [fuzzed(fuzz)] if fuzz else [] if cost or against else chosen_cases(group, case)
-    if full and cases and not (fuzz or case or group):
-        cases.append(fuzzed(FUZZED))
-    if list:
-        for one in cases:
-            print(f"{one.id:4} {one.group:10} {one.title}\n{'':16}bar: {one.bar}")
-        return 0
+    if fuzz:
+        return [fuzzed(fuzz)]
+    chosen = [] if none else chosen_cases(group, case)
+    return chosen + ([fuzzed(FUZZED)] if full and chosen and not (case or group) else [])
+
+
+def listed(cases: Sequence[Case]) -> int:
+    """Prints cases and their bars."""
+    for one in cases:
+        print(f"{one.id:4} {one.group:10} {one.title}\n{'':16}bar: {one.bar}")
+    return 0
+
+
+def tried(
+    cases: Sequence[Case], device: str | None, threads: int | None, full: bool, json: Path | None, html: Path | None,
+    replay: Path | None, case: str | None, against: str | None, cost: bool,
+) -> int:  # fmt: skip
+    """Runs what was asked for, writes the files, and gives the exit code."""
+    from raytide.cli.options import check_outputs
+    from raytide.device import open_device
+    from raytide.verify import run_cases
+    from raytide.verify.lab import Lab
+
     check_outputs([], [json, html], no_clobber=False)
     records = earlier(replay, case) if replay else []
     with open_device(device, threads=threads) as opened:
