@@ -1,5 +1,50 @@
 #pragma OPENCL FP_CONTRACT OFF
 
+// All lights, and what one of them is picked by: the tree where there is one.
+typedef struct {
+    global const Light *table;
+    uint count;
+#if HAS_LIGHT_TREE
+    global const LightNode *nodes;
+#endif
+} Lights;
+
+#if HAS_LIGHT_TREE
+#define LIGHT_TREE_ARGUMENTS , global const LightNode *light_nodes, global uint *left_normals
+#else
+#define LIGHT_TREE_ARGUMENTS
+#endif
+
+// Where light is wanted: the point, and the normal of its surface where only that side can receive.
+typedef struct {
+    float3 p;
+#if HAS_LIGHT_TREE
+    float3 n;
+    int has_n;
+#endif
+} LightPlace;
+
+#if HAS_LIGHT_TREE
+#define LIGHTS_OF_ARGUMENTS(table, count) lights_of(table, count, light_nodes)
+static Lights lights_of(global const Light *table, const uint count, global const LightNode *nodes)
+{
+    Lights out;
+    out.table = table;
+    out.count = count;
+    out.nodes = nodes;
+    return out;
+}
+#else
+#define LIGHTS_OF_ARGUMENTS(table, count) lights_of(table, count)
+static Lights lights_of(global const Light *table, const uint count)
+{
+    Lights out;
+    out.table = table;
+    out.count = count;
+    return out;
+}
+#endif
+
 // A light seen from one point.
 typedef struct {
     float3 to;        // lights at a distance: their point minus `from` [m]; else unit direction towards the light

@@ -18,7 +18,8 @@
 // Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
-                  global const Light *lights, global const Settings *settings, global const uint *queue,
+                  global const Light *light_table LIGHT_TREE_ARGUMENTS, global const Settings *settings,
+                  global const uint *queue,
                   const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,
                   global uint4 *paths, global uint *status, global Ray *shadow_rays, global float4 *shadow_light,
                   global float4 *samples)
@@ -43,16 +44,22 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     if (!(ray.direction.w > 0.0f)) {
         return;
     }
+    const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
+#if HAS_LIGHT_TREE
+    const LightPlace before = light_place(xyz(ray.origin), left_normals[slot]);
+#else
+    const LightPlace before = light_place(xyz(ray.origin), 0u);
+#endif
     if (hit.prim == NONE) {
 #if HAS_SKY
-        const float3 sky = environment_seen(lights, settings, g, ray, path.y, state);
+        const float3 sky = environment_seen(lights, before, settings, g, ray, path.y, state);
         samples[path.x] += make4(sky, 0.0f);
 #endif
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, ray, hit, path.y, state);
     if (is_light(objects, &vertex) || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
-        samples[path.x] += make4(emission_seen(lights, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
+        samples[path.x] += make4(emission_seen(lights, before, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
     }
 #if HAS_LOCAL
     const int last = 0;  // reflection_depth alone ends these paths
@@ -68,7 +75,14 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
     const float4 light_u = both.lo;
     const float4 u = both.hi;
-    const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, light_u);
+#if HAS_LIGHT_TREE
+    const uint normal = light_normal(&vertex);
+    left_normals[slot] = normal;
+#else
+    const uint normal = 0u;
+#endif
+    const LightPlace place = light_place(vertex.surface.p, normal);
+    const ShadowRay direct = sample_direct(lights, place, settings, g, materials, &vertex, light_u);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
     if (direct.valid && !asks) {

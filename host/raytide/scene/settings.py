@@ -28,6 +28,10 @@ class RenderSettings(Table):
     filter_width: Number | None = key(
         None, above=0, high=16, unit="pixels", doc="full width of the filter; default 1 for box, 4 for gaussian"
     )
+    light_choice: Literal["auto", "uniform", "power", "tree"] = key(
+        "auto", doc="how one of all lights is picked at a point; tree: by what each could send there; auto: the tree "
+        "where more than eight lights or shining triangles have a place",
+    )
     sampler: Literal["sobol", "blue_noise", "random"] = key(
         "sobol", doc="sobol: Owen-scrambled sequences; blue_noise: the same, whose error cancels between neighbouring "
         "pixels once spp samples are done; random: independent numbers, to compare with",
