@@ -1,22 +1,18 @@
-"""raytide in a side-by-side harness of renderers.
-
-The harness describes scenes neutrally (triangle meshes, five materials, point and directional lights, a constant
-environment) and calls `build` and `render`. Add it there with PEERS_EXTRA="raytide=peer_adapter:RaytidePeer" and this
-folder and host/ on PYTHONPATH. RAYTIDE_DEVICE picks the device.
-"""
+"""raytide as one renderer of compare_peers.py. RAYTIDE_DEVICE picks the device."""
 
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from compare_peers_scenes import PeerScene
 
-class RaytidePeer:
-    """Path integrator, box filter, no Russian roulette: what the harness keeps equal among its peers."""
 
-    label = "raytide"
+class Raytide:
+    """Path integrator, box filter, no Russian roulette, as the peers; its error estimate is on."""
 
     def __init__(self, threads: int) -> None:
         """`threads`: CPU threads that a CPU device may use."""
@@ -25,63 +21,66 @@ class RaytidePeer:
 
         self.rt = rt
         self.device = open_device(os.environ.get("RAYTIDE_DEVICE"), threads=threads)
-        self.label = f"raytide {getattr(rt, '__version__', '')}, path, Owen-scrambled Sobol, {self.device.info.id}"
+        self.label = f"raytide {rt.__version__}, Owen-scrambled Sobol, {self.device.info.id}"
         self.scene: Any = None
         self.renderer: Any = None
 
-    def build(self, scene: Any, width: int, height: int) -> None:
-        """Translate a neutral scene and make its renderer: tree, kernels, upload."""
+    def build(self, scene: PeerScene, width: int, height: int) -> None:
+        """Translate a scene and make its renderer: tree, kernels, upload."""
         if self.renderer is not None:
             self.renderer.close()
         self.scene = scene_of(self.rt, scene, width, height)
         self.renderer = self.rt.Renderer(self.scene, device=self.device)
 
-    def render(self, spp: int, seed: int) -> tuple[np.ndarray, int]:
-        """A picture of its own, linear radiance float32 (h, w, 3), row 0 on top; and the samples a pixel done."""
-        self.scene.render.seed, self.scene.render.spp = seed, spp
-        self.renderer.update()
+    def whole(self, spp: int) -> int:
+        """The largest number of samples a pixel up to `spp` that the sampler takes."""
+        return spp
+
+    def render(self, spp: int, seed: int) -> tuple[np.ndarray, float]:
+        """A picture of its own, linear radiance float32 (h, w, 3), row 0 on top; and the samples a pixel taken."""
+        self.renderer.restart(seed=seed)
         film = self.renderer.render(spp)
+        if film.error is None and spp >= 4:
+            raise RuntimeError("no estimate of the error")
         return np.ascontiguousarray(film.rgb, dtype=np.float32), film.spp
 
 
-def scene_of(rt: Any, neutral: Any, width: int, height: int) -> Any:
-    """The neutral scene as a raytide.Scene."""
-    camera = neutral.camera
-    scene = rt.Scene(
-        rt.Camera(origin=camera.origin, target=camera.target, up=camera.up, fov=camera.fov, size=(width, height)),
-        rt.RenderSettings(max_depth=neutral.max_depth, roulette_start=0, filter="box"))
-    materials = {name: material_of(rt, material) for name, material in neutral.materials.items()}
-    for mesh in neutral.meshes:
-        scene.add(rt.mesh(vertices=mesh.vertices, faces=mesh.faces), materials[mesh.material], name=mesh.name)
-    for i, light in enumerate(neutral.lights):
-        scene.add(light_of(rt, light), name=f"light{i}")
-    if neutral.environment:
-        scene.add(rt.sky(neutral.environment), name="sky")
-    return scene
+def scene_of(rt: Any, scene: PeerScene, width: int, height: int) -> Any:
+    """The same as a raytide.Scene."""
+    out = rt.Scene(
+        rt.Camera(origin=scene.origin, target=scene.target, fov=scene.fov, size=(width, height)),
+        rt.RenderSettings(max_depth=scene.max_depth, roulette_start=0, filter="box"))
+    materials = {name: material_of(rt, **material) for name, material in scene.materials.items()}
+    for name, (material, vertices, faces) in scene.meshes.items():
+        out.add(rt.mesh(vertices=vertices, faces=faces), materials[material], name=name)
+    for i, light in enumerate(scene.lights):
+        out.add(light_of(rt, light), name=f"light{i}")
+    if scene.sky:
+        out.add(rt.sky(scene.sky), name="sky")
+    return out
 
 
-def material_of(rt: Any, material: Any) -> Any:
-    """A neutral material by the name of its class: the harness' modules need not be importable here."""
-    match type(material).__name__:
-        case "Diffuse":
-            return rt.Diffuse(material.reflectance)
-        case "Mirror":
-            return rt.Mirror(material.reflectance)
-        case "RoughConductor":
-            return rt.RoughConductor(eta=material.eta, k=material.k, roughness=material.alpha)
-        case "Dielectric":
-            return rt.Dielectric(material.ior)
-        case "Emitter":
-            return rt.Emit(material.radiance)
+def material_of(rt: Any, type: str, **keys: Any) -> Any:
+    match type:
+        case "diffuse":
+            return rt.Diffuse(keys["reflectance"])
+        case "mirror":
+            return rt.Mirror(keys["reflectance"])
+        case "rough_conductor":
+            return rt.RoughConductor(eta=keys["eta"], k=keys["k"], roughness=keys["alpha"])
+        case "dielectric":
+            return rt.Dielectric(keys["ior"])
+        case "emitter":
+            return rt.Emit(keys["radiance"])
         case other:
-            raise TypeError(f"came material {other}; wanted Diffuse, Mirror, RoughConductor, Dielectric or Emitter")
+            raise ValueError(f"came material {other}; wanted diffuse, mirror, rough_conductor, dielectric or emitter")
 
 
-def light_of(rt: Any, light: Any) -> Any:
-    match type(light).__name__:
-        case "PointLight":
-            return rt.point(light.position, intensity=light.intensity)
-        case "Sun":
-            return rt.directional(light.direction, irradiance=light.irradiance)
+def light_of(rt: Any, light: dict[str, Any]) -> Any:
+    match light["type"]:
+        case "point":
+            return rt.point(light["position"], intensity=light["intensity"])
+        case "sun":
+            return rt.directional(light["direction"], irradiance=light["irradiance"])
         case other:
-            raise TypeError(f"came light {other}; wanted PointLight or Sun")
+            raise ValueError(f"came light {other}; wanted point or sun")

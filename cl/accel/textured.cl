@@ -45,7 +45,7 @@ static Material textured_material(const Geometry g, global const Material *m, co
     private float *parameters = (private float *)&out.p0;
     for (uint i = 0u; i < m->slot_count; i++) {
         global const TextureSlot *slot = g.textures.slots + (m->first_slot + i);
-        if (slot->width == SLOT_NORMALS || slot->width == SLOT_HEIGHTS) {
+        if (slot->width >= SLOT_NORMALS) {  // no parameter
             continue;
         }
         private float *place = parameters + slot->place;

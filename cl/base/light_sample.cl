@@ -10,10 +10,17 @@ typedef struct {
 } Lights;
 
 #if HAS_LIGHT_TREE
-#define LIGHT_TREE_ARGUMENTS , global const LightNode *light_nodes, global uint *left_normals
+#define LEFT_NORMALS_ARGUMENT , global uint *left_normals
+#define LIGHT_TREE_ARGUMENTS , global const LightNode *light_nodes LEFT_NORMALS_ARGUMENT
+#define LEFT_NORMALS , left_normals
+#define LIGHT_PLACE_AT(p, slot) light_place(p, left_normals[slot])
 #else
+#define LEFT_NORMALS_ARGUMENT
 #define LIGHT_TREE_ARGUMENTS
+#define LEFT_NORMALS
+#define LIGHT_PLACE_AT(p, slot) light_place(p, 0u)
 #endif
+#define LIGHT_PLACE_BEFORE(ray, slot) LIGHT_PLACE_AT(xyz((ray).origin), slot)
 
 // Where light is wanted: the point, and the normal of its surface where only that side can receive.
 typedef struct {

@@ -6,6 +6,15 @@
 #define PATH_EDGES 0xffffu
 #define PATH_MEDIUM_SHIFT 16  // index + 1 of the absorbing material that the path is inside of; 0: none
 
+// Where a path last scattered (xyz), and how many surfaces it passed as if they were not there (w, bits).
+#if HAS_OPACITY
+#define SCATTERINGS_ARGUMENT , global float4 *scatterings
+#define SCATTERINGS , scatterings
+#else
+#define SCATTERINGS_ARGUMENT
+#define SCATTERINGS
+#endif
+
 // Status of a slot after `shade`, read by `partition`
 #define STATUS_ALIVE 1u   // trace its next ray
 #define STATUS_SHADOW 2u  // trace its shadow ray
@@ -15,6 +24,8 @@
 #define SET_CAMERA 0u
 #define SET_LIGHT(edge) (2u * (edge) - 1u)
 #define SET_BSDF(edge) (2u * (edge))
+#define SET_PASS(passed) (0x1000000u + (passed))  // beyond all edges: surfaces that the path passed
+#define SET_BLEND(edge) (0x2000000u + (edge))
 
 #define LOOK_AHEAD 8u  // items of a queue between the one at work and the one whose slot is asked for
 

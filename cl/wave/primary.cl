@@ -13,7 +13,7 @@ __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void primary(global const Camera *camera, global const Settings *settings, global const uint *queue,
                     const uint queue_first, const uint first_item, const uint count, const uint first_tile,
                     const uint first_sample, const uint samples_in_chunk, global Ray *rays,
-                    global float4 *throughput, global uint4 *paths, global float4 *samples)
+                    global float4 *throughput, global uint4 *paths, global float4 *samples SCATTERINGS_ARGUMENT)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
@@ -34,6 +34,9 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     Ray ray = camera_ray(camera, film_point(x, y, settings->filter_radius, u.xy), u.zw);
     ray.direction.w = inside ? T_MAX_FREE : MISS_AT_ONCE;
     rays[slot] = ray;
+#if HAS_OPACITY
+    scatterings[slot] = make4(xyz(ray.origin), float_of(0u));
+#endif
     throughput[slot] = (float4)(1.0f, 1.0f, 1.0f, 0.0f);
     paths[slot] = (uint4)(item, 1u | PATH_DELTA, pixel, sample);
     samples[item] = (float4)(0.0f);

@@ -12,6 +12,7 @@
 #include "dispatch/light.cl"
 #include "wave/path.cl"
 #include "wave/vertex.cl"
+#include "wave/pass.cl"
 
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
@@ -19,10 +20,9 @@
 VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
                   global const Light *light_table LIGHT_TREE_ARGUMENTS, global const Settings *settings,
-                  global const uint *queue,
-                  const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,
-                  global uint4 *paths, global uint *status, global Ray *shadow_rays, global float4 *shadow_light,
-                  global float4 *samples)
+                  global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
+                  global float4 *throughput, global uint4 *paths, global uint *status, global Ray *shadow_rays,
+                  global float4 *shadow_light, global float4 *samples SCATTERINGS_ARGUMENT)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
@@ -35,7 +35,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     PREFETCH(hits + later);
     PREFETCH(paths + later);
     PREFETCH(throughput + later);
-    const Ray ray = rays[slot];
+    Ray ray = rays[slot];
     const Hit hit = hits[slot];
     uint4 path = paths[slot];
     const float4 state = throughput[slot];
@@ -45,26 +45,25 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         return;
     }
     const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
-#if HAS_LIGHT_TREE
-    const LightPlace before = light_place(xyz(ray.origin), left_normals[slot]);
-#else
-    const LightPlace before = light_place(xyz(ray.origin), 0u);
-#endif
     if (hit.prim == NONE) {
 #if HAS_SKY
+        const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
         const float3 sky = environment_seen(lights, before, settings, g, ray, path.y, state);
         samples[path.x] += make4(sky, 0.0f);
 #endif
         return;
     }
-    const PathVertex vertex = vertex_of(g, objects, materials, ray, hit, path.y, state);
-    if (is_light(objects, &vertex) || edge == 1u) {  // w: something was hit at all; the rest of memory's traffic is spared
+    const PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, state);
+    const int passed = pass_on(g, objects, materials, settings, &vertex, &ray, path, slot, rays, throughput,
+                               status + i SCATTERINGS);
+    if (is_light(objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory
+        const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
         samples[path.x] += make4(emission_seen(lights, before, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
     }
 #if HAS_LOCAL
-    const int last = 0;  // reflection_depth alone ends these paths
+    const int last = passed;  // reflection_depth alone ends these paths
 #else
-    const int last = edge >= settings->max_depth;
+    const int last = passed || edge >= settings->max_depth;
 #endif
     if (last || is_black(&vertex)) {
         return;
@@ -73,16 +72,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     uint next = 0u;
 #if HAS_LIGHTS
     const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
-    const float4 light_u = both.lo;
     const float4 u = both.hi;
-#if HAS_LIGHT_TREE
-    const uint normal = light_normal(&vertex);
-    left_normals[slot] = normal;
-#else
-    const uint normal = 0u;
-#endif
-    const LightPlace place = light_place(vertex.surface.p, normal);
-    const ShadowRay direct = sample_direct(lights, place, settings, g, materials, &vertex, light_u);
+    const LightPlace place = light_place_of(&vertex, slot LEFT_NORMALS);
+    const ShadowRay direct = sample_direct(lights, place, settings, g, materials, &vertex, both.lo);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
     if (direct.valid && !asks) {
@@ -103,6 +95,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     if (onward.valid) {
         rays[slot] = onward.ray;
         throughput[slot] = onward.state;
+        note_scattering(slot, onward.ray SCATTERINGS);
         path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u) | (onward.medium << PATH_MEDIUM_SHIFT);
         paths[slot] = path;
         next |= STATUS_ALIVE;

@@ -3,25 +3,34 @@
 #include "base/vector.cl"
 #include "accel/geometry.cl"
 #include "accel/traverse.cl"
+#include "accel/unblocked.cl"
 
-// Adds the light of every queued shadow ray that meets nothing to its sample, whose index is in the light's w; an item
-// takes ITEM_RAYS. Race rule: slots in a queue are distinct, and no two of them share a sample.
+// Adds the light of every queued shadow ray that meets nothing, or what comes through, to its sample, whose index is in
+// the light's w; an item takes ITEM_RAYS. Race rule: slots in a queue are distinct, and no two of them share a sample.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
-kernel void shadow(GEOMETRY_ARGUMENTS, global const uint *queue, const uint count, global const Ray *shadow_rays,
-                   global const float4 *shadow_light, global float4 *samples)
+kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue, const uint count,
+                   global const Ray *shadow_rays, global const float4 *shadow_light, global float4 *samples)
 {
     const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
     if (begin >= count) {
         return;
     }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const Geometry g = GEOMETRY_AND_MASKS;
     const float extent = geometry_extent(g);
     const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
     for (uint i = begin; i < end; i++) {
         const uint slot = queue[i];
+#if HAS_OPACITY
+        const float share = share_unblocked(g, extent, objects, materials, shadow_rays[slot]);
+        if (share > 0.0f) {
+            const float4 light = shadow_light[slot];
+            samples[bits_of(light.w)] += make4(xyz(light) * share, 0.0f);
+        }
+#else
         if (!any_within(g, extent, shadow_rays[slot])) {
             const float4 light = shadow_light[slot];
             samples[bits_of(light.w)] += make4(xyz(light), 0.0f);
         }
+#endif
     }
 }

@@ -3,18 +3,19 @@
 #include "base/vector.cl"
 #include "accel/geometry.cl"
 #include "accel/packet.cl"
+#include "accel/unblocked.cl"
 
 // `shadow` for queues in which 64 neighbouring rays nearly agree: an item takes 64 of them.
 // Race rule: slots in a queue are distinct, and no two of them share a sample.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(4, 1, 1)))
-kernel void shadow_packet(GEOMETRY_ARGUMENTS, global const uint *queue, const uint count,
+kernel void shadow_packet(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue, const uint count,
                           global const Ray *shadow_rays, global const float4 *shadow_light, global float4 *samples)
 {
     const uint begin = (uint)get_global_id(0) * PACKET_RAYS;
     if (begin >= count) {
         return;
     }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const Geometry g = GEOMETRY_AND_MASKS;
     const uint size = count - begin < PACKET_RAYS ? count - begin : PACKET_RAYS;
     Packet p;
     trace_packet(g, &p, queue + begin, size, shadow_rays, 1);
@@ -23,5 +24,13 @@ kernel void shadow_packet(GEOMETRY_ARGUMENTS, global const uint *queue, const ui
             const float4 light = shadow_light[queue[begin + i]];
             samples[bits_of(light.w)] += make4(xyz(light), 0.0f);
         }
+#if HAS_OPACITY
+        else {
+            const uint slot = queue[begin + i];
+            const float share = share_unblocked(g, geometry_extent(g), objects, materials, shadow_rays[slot]);
+            const float4 light = shadow_light[slot];
+            samples[bits_of(light.w)] += make4(xyz(light) * share, 0.0f);
+        }
+#endif
     }
 }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from mitsuba_scenes import loaded, problems_of
 from raytide.importers.mitsuba.metals import METALS
@@ -261,3 +262,29 @@ def test_same_scene_from_xml_twice_and_overrides_hold(tmp_path: Path) -> None:
     assert again.render.spp == 3 and again.objects["sphere"].radius == 2  # type: ignore[attr-defined]
     assert again.origins["render.spp"].startswith("--set")
     assert scene.sha256() == load(tmp_path / "scene.xml").sha256() != again.sha256()
+
+
+def test_masks_and_bump_maps_become_keys_of_the_bsdf_inside(tmp_path: Path) -> None:
+    heights = '<texture type="bitmap"><string name="filename" value="h.png"/></texture>'
+    inner = '<bsdf type="diffuse"><rgb name="reflectance" value="0.2"/></bsdf>'
+    masked = f'<bsdf type="mask"><float name="opacity" value="0.25"/>{inner}</bsdf>'
+    bumped = f'<bsdf type="bumpmap"><float name="scale" value="3"/>{heights}{inner}</bsdf>'
+    picture = Image.fromarray(np.arange(16, dtype=np.uint8).reshape(4, 4))
+    picture.save(tmp_path / "h.png")
+    shapes = "".join(f'<shape type="sphere">{bsdf}</shape>' for bsdf in (masked, bumped))
+    see_through, rough = loaded(tmp_path, shapes).materials.values()
+    assert see_through.type == "diffuse" and see_through.opacity == 0.25
+    assert rough.bump_map in loaded(tmp_path, shapes).textures and rough.bump_scale == 3
+
+
+def test_blends_and_their_parts_become_materials(tmp_path: Path) -> None:
+    """Black from behind, unless inside `twosided`, is up to the parts."""
+    parts = '<bsdf type="diffuse"/><bsdf type="twosided"><bsdf type="conductor"/></bsdf>'
+    blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.2"/>{parts}</bsdf>'
+    scene = loaded(tmp_path, f'<shape type="sphere">{blend}</shape>')
+    found = scene["sphere"].material
+    assert (found.type, found.weight) == ("blend", 0.2)
+    first, second = (scene.materials[name] for name in (found.first, found.second))
+    assert (first.type, first.two_sided) == ("diffuse", False) and (second.type, second.two_sided) == ("mirror", True)
+    around = loaded(tmp_path, f'<shape type="sphere"><bsdf type="twosided">{blend}</bsdf></shape>')
+    assert all(around.materials[name].two_sided for name in around["sphere"].material.parts)

@@ -14,16 +14,18 @@ TRANSMITS = 1  # flag of a material record: light passes, so that the material t
 ABSORBS = 2  # flag of a material record: what is behind the surface absorbs
 STRETCHED = 4  # flag of a material record: its shading frame follows the surface's tangent
 ONE_SIDED = 8  # flag of a material record: the back is black
+SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing were there
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
-SLOT_NORMALS, SLOT_HEIGHTS = 4, 5  # widths that mark slots which are no parameter: normal map, bump map
+SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY = 4, 5, 6  # widths of slots that are no parameter: maps of relief, opacity
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
 RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
 HIDDEN = 1 << 29  # the bits from here on in an object's number: the kinds of ray that do not meet it, in that order
 OBJECT = HIDDEN - 1
+# Functions that cl/probe/math.cl lays open.
 PROBES = ("frame", "cosine_hemisphere", "power_heuristic", "ggx_density", "ggx_visible_normal", "conductor",
-          "dielectric", "sample")  # functions that cl/probe/math.cl lays open  # fmt: skip
+          "dielectric", "sample", "half_visibility", "normalize", "bounce")  # fmt: skip
 
 _UNSIGNED = {
     "TILE_SIDE": TILE_SIDE,
@@ -35,11 +37,13 @@ _UNSIGNED = {
     "COUNTER_EDGES": COUNTER_EDGES,
     "SLOT_NORMALS": SLOT_NORMALS,
     "SLOT_HEIGHTS": SLOT_HEIGHTS,
+    "SLOT_OPACITY": SLOT_OPACITY,
     **{f"WRAP_{name.upper()}": place for place, name in enumerate(WRAPS)},
     "MATERIAL_ONE_SIDED": ONE_SIDED,
     "MATERIAL_TRANSMITS": TRANSMITS,
     "MATERIAL_ABSORBS": ABSORBS,
     "MATERIAL_STRETCHED": STRETCHED,
+    "MATERIAL_SEE_THROUGH": SEE_THROUGH,
     "MOST_MEDIA": MOST_MEDIA,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},

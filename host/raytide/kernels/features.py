@@ -51,6 +51,7 @@ class Features:
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
     one_sided: bool = False  # any material that names whether its back is like its front
+    opacity: bool = False  # any material that light may pass as if nothing were there
     absorption: bool = False  # any material whose inside absorbs
     compensation: bool = False  # any rough metal that gives back what further facets reflect
     tangents: bool = False  # any material that differs along the surface's two directions

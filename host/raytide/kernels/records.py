@@ -184,10 +184,10 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED | _SEE_THROUGH"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
-        ("float4", "absorption", "1/m", "xyz; of what is behind the surface"),
+        ("float4", "absorption", "1/m", "xyz; of what is behind the surface; w = opacity"),
         *[
             ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(MATERIAL_FLOATS // 4)
         ],
@@ -241,7 +241,7 @@ _TABLE = (
         "A textured parameter of a material",
         ("uint", "texture", "", "index"),
         ("uint", "place", "", "of its first number in the material"),
-        ("uint", "width", "", "numbers: 1 or 3; SLOT_NORMALS, SLOT_HEIGHTS"),
+        ("uint", "width", "", "numbers: 1 or 3; SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY"),
         ("uint", "pad", "", "zero"),
         ("float", "low", "", "least value of the parameter; heights: their factor"),
         ("float", "high", "", "largest value of the parameter"),
@@ -255,7 +255,7 @@ _TABLE = (
         ("float4", "right", "", "image plane per unit x; w = 1 / focus distance, 0 = infinity"),
         ("float4", "up", "", "image plane per unit y"),
         ("float4", "forward", "", "unit"),
-        ("float4", "raster", "", "xy = plane coordinates of the first pixel's corner, zw = pixel steps"),
+        ("float4", "raster", "", "xy = film point on the axis [pixels], zw = plane coordinates of a pixel"),
     ),
     _record(
         "Settings",

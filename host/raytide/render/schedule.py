@@ -15,6 +15,8 @@ _RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
 # rays, hits, throughput, path, shadow light, three queues, status, a normal, and a share of the compaction's counts
 SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 5 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
 SAMPLE_BYTES = 16
+Chunk = tuple[int, int, int, int]  # first tile, tiles, first sample, samples: what is traced before the film takes it
+SCATTERING_BYTES = 16  # a slot more where materials have an opacity
 
 
 @dataclass(frozen=True)
@@ -108,29 +110,33 @@ class WavePlan:
 
     capacity: int
     samples: int
+    slot_bytes: int = SLOT_BYTES
 
     @property
     def nbytes(self) -> int:
-        return self.capacity * SLOT_BYTES + self.samples * SAMPLE_BYTES
+        return self.capacity * self.slot_bytes + self.samples * SAMPLE_BYTES
 
 
-def plan_waves(kind: str, compute_units: int, memory: int | None, most_items: int, max_alloc: int) -> WavePlan:
+def plan_waves(
+    kind: str, compute_units: int, memory: int | None, most_items: int, max_alloc: int, opacity: bool = False
+) -> WavePlan:
     """Sizes from the device and a budget in bytes, never from resolution or sample count.
 
     CPUs get waves that stay near their caches; GPUs get enough rays to fill them. `most_items` (tiles x 64 x samples)
     only makes small renders smaller. UsageError where the budget cannot hold one tile.
     """
+    slot_bytes = SLOT_BYTES + (SCATTERING_BYTES if opacity else 0)
     capacity = (1 << 16) if kind != "gpu" else min(1 << 20, max(1 << 17, compute_units << 13))
     samples = capacity * 16
     if memory is not None:
-        capacity = min(capacity, memory // 2 // SLOT_BYTES)
-        samples = min(samples, (memory - capacity * SLOT_BYTES) // SAMPLE_BYTES)
+        capacity = min(capacity, memory // 2 // slot_bytes)
+        samples = min(samples, (memory - capacity * slot_bytes) // SAMPLE_BYTES)
     samples = min(samples, max_alloc // SAMPLE_BYTES, -(-most_items // TILE) * TILE)
     capacity = min(capacity, samples, max_alloc // _RAY)
     capacity, samples = capacity // TILE * TILE, samples // TILE * TILE
     if capacity < TILE:
-        raise UsageError(f"memory: came {memory} bytes; wanted at least {TILE * (2 * SLOT_BYTES + SAMPLE_BYTES)}")
-    return WavePlan(capacity, samples)
+        raise UsageError(f"memory: came {memory} bytes; wanted at least {TILE * (2 * slot_bytes + SAMPLE_BYTES)}")
+    return WavePlan(capacity, samples, slot_bytes)
 
 
 def tiles_across(width: int) -> int:
@@ -153,11 +159,17 @@ def passes(spp: int, done: int = 0) -> Iterator[tuple[int, int]]:
         done += step
 
 
-def chunks(tiles: int, first: int, count: int, samples: int) -> Iterator[tuple[int, int, int, int]]:
-    """(first tile, tiles, first sample, samples) of the chunks of a pass, each of at most `samples` results."""
+def chunks(tiles: int, first: int, count: int, samples: int) -> Iterator[Chunk]:
+    """The chunks of a pass over all `tiles`, each of at most `samples` results."""
+    return cut((0, tiles, first, count), samples)
+
+
+def cut(chunk: Chunk, samples: int) -> Iterator[Chunk]:
+    """`chunk` in parts of at most `samples` results, or one tile at one sample; every tile's samples stay in order."""
+    first_tile, tiles, first, count = chunk
     deep = max(1, min(count, samples // TILE))
     wide = max(1, samples // (TILE * deep))
     for sample in range(first, first + count, deep):
         here = min(deep, first + count - sample)
         for tile in range(0, tiles, wide):
-            yield tile, min(wide, tiles - tile), sample, here
+            yield first_tile + tile, min(wide, tiles - tile), sample, here

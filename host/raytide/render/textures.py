@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.importers.srgb import linear_of_bytes
-from raytide.kernels.constants import SLOT_HEIGHTS, SLOT_NORMALS, WRAPS
+from raytide.kernels.constants import SLOT_HEIGHTS, SLOT_NORMALS, SLOT_OPACITY, WRAPS
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
 from raytide.render.sky import sky_shares
@@ -52,8 +52,9 @@ def texture_kinds(flat: FlatScene) -> set[str]:
 
 def has_relief(flat: FlatScene) -> bool:
     """Whether a material of an object has a normal or bump map."""
-    used = (flat.materials[thing.material] for thing in flat.objects)
-    return any(name in material.RELIEF for material in used for name in material.textures())
+    models = dict(zip(flat.material_names, flat.materials, strict=True))
+    used = {name for thing in flat.objects for name in layers_of(models, flat.material_names[thing.material])}
+    return any(name in models[one].RELIEF for one in used for name in models[one].textures())
 
 
 def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) -> PackedTextures:
@@ -173,6 +174,9 @@ def _slots(used: Sequence[Material | None], names: list[str], materials: np.ndar
                 assert material is not None
                 rows.append((names.index(textures[name]), place, width, *range_of(material, name)))
             place += width
+        if "opacity" in textures:
+            assert material is not None
+            rows.append((names.index(textures["opacity"]), 0, SLOT_OPACITY, *range_of(material, "opacity")))
         for name, width in (("normal_map", SLOT_NORMALS), ("bump_map", SLOT_HEIGHTS)):
             if name in textures:
                 assert material is not None

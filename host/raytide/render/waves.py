@@ -68,7 +68,7 @@ class SceneBuffers:
     ) -> None:
         """`meshes` are records Mesh."""
         flat = packed.geometry
-        self._visibility = features.visibility
+        self._visibility, self.opacity = features.visibility, features.opacity
         self._geometry: tuple[Buffer | np.uint32, ...] = (
             *forest.buffers(device),
             device.upload(packed.triangles),
@@ -95,6 +95,11 @@ class SceneBuffers:
             self.lights += (device.upload(packed.light_nodes),)
         self.camera = device.upload(packed.camera)
         self.textures = self._textures(device, packed.textures, features.switches()["textures"])
+
+    @property
+    def masks(self) -> tuple[Buffer | np.uint32, ...]:
+        """Arguments of kernels that look for what light may pass; none where it passes nothing."""
+        return (self.objects, self.materials, *self.textures) if self.opacity else ()
 
     @staticmethod
     def _textures(device: Device, packed: PackedTextures, textured: bool) -> tuple[Buffer | np.uint32, ...]:
@@ -139,6 +144,7 @@ class Waves:
         ray = RECORDS["Ray"].size
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
         self._hits = device.empty(slots * RECORDS["Hit"].size)
+        self._scatterings = (device.empty(slots * 16),) if scene.opacity else ()
         self._throughput, self._paths = device.empty(slots * 16), device.empty(slots * 16)
         self._shadow_light, self._status = device.empty(slots * 16), device.empty(slots * 4)
         self._queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
@@ -184,7 +190,7 @@ class Waves:
         self.device.launch(
             self.programs["primary"], "primary", count, 64,
             self.scene.camera, self.settings, self._queues[0], *numbers,
-            self._rays, self._throughput, self._paths, self.samples,
+            self._rays, self._throughput, self._paths, self.samples, *self._scatterings,
             label="camera",
         )  # fmt: skip
         self._extend(place, count, "primary")
@@ -214,7 +220,7 @@ class Waves:
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
-            self._shadow_rays, self._shadow_light, self.samples,
+            self._shadow_rays, self._shadow_light, self.samples, *self._scatterings,
             label="shade",
         )  # fmt: skip
         partition, chunks = programs["partition"], -(-count // PARTITION_CHUNK)
@@ -234,8 +240,8 @@ class Waves:
             label = _label("shadow", shadows)
             if self.observe:
                 self.observe(label, self._shadow_queue, 0, shadow, self._shadow_rays, self._paths)
-            self._trace("shadow", label, shadow, self._shadow_queue, np.uint32(shadow), self._shadow_rays,
-                        self._shadow_light, self.samples)  # fmt: skip
+            self._trace("shadow", label, shadow, *self.scene.masks, self._shadow_queue, np.uint32(shadow),
+                        self._shadow_rays, self._shadow_light, self.samples)  # fmt: skip
         self._queues.reverse()
         return alive, onward
 

@@ -16,7 +16,7 @@ Distribution = Literal["ggx", "beckmann"]
 Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
 
 # Switches of kernels/features.py that materials turn on.
-SWITCHES = ("absorption", "beckmann", "compensation", "one_sided", "tangents", "transmission")
+SWITCHES = ("absorption", "beckmann", "compensation", "one_sided", "opacity", "tangents", "transmission")
 
 
 class Material(Table):
@@ -28,6 +28,7 @@ class Material(Table):
     RELIEF: ClassVar[tuple[str, ...]] = ("normal_map", "bump_map")
     type: str
     two_sided: Flag = key(True, doc="whether the back is like the front; else it is black (clear materials have both)")
+    opacity: Number = key(1.0, low=0, high=1, doc="share of light that meets the surface; the rest passes straight on")
     normal_map: str | None = key(None, doc="texture of normals: red along u, green along v, blue outwards")
     bump_map: str | None = key(None, doc="bitmap of heights")
     bump_scale: Number = key(1.0, unit="m", doc="height where the bump map is 1")
@@ -35,7 +36,7 @@ class Material(Table):
     @classmethod
     def __pydantic_init_subclass__(cls, **unused: Any) -> None:
         """Colours and numbers that the device gets under their own name may be textures."""
-        for name, width in (*cls.PARAMETERS, *cls.SHARED):
+        for name, width in (*cls.PARAMETERS, *cls.SHARED, ("opacity", 1)):
             if name in cls.PLAIN:
                 continue
             if name in cls.model_fields and cls.model_fields[name].annotation is not bool:
@@ -49,13 +50,19 @@ class Material(Table):
     def switches(self) -> frozenset[str]:
         """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""
         back = "one_sided" if "two_sided" in self.model_fields_set and self.type != "emissive" else ""
-        return frozenset(name for name in ("transmission" if self.transmits else "", back) if name)
+        open_ = "opacity" if "opacity" in self.model_fields_set else ""
+        return frozenset(name for name in ("transmission" if self.transmits else "", back, open_) if name)
 
     @model_validator(mode="after")
     def _has_a_back(self) -> Self:
         if self.transmits and not self.two_sided:
             raise ValueError("came two_sided = false; wanted true: light passes through this material")
         return self
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the materials that this one rests on."""
+        return ()
 
     def parameters(self) -> list[tuple[str, tuple[float, ...]]]:
         """What the device gets, in PARAMETERS order: a colour as 3 floats, a number as 1."""
@@ -69,8 +76,9 @@ class Material(Table):
         return getattr(self, name)
 
     def textures(self) -> dict[str, str]:
-        """Textured device parameters, then normal or bump map: name to name of the texture."""
+        """Textured device parameters, then opacity, normal or bump map: name to name of the texture."""
         found = {name: texture_of(getattr(self, name, None)) for name, _ in self.PARAMETERS}
+        found["opacity"] = texture_of(self.opacity)
         found |= {name: getattr(self, name) for name in self.RELIEF}
         return {name: texture for name, texture in found.items() if texture is not None}
 

@@ -69,6 +69,8 @@ class MayBeTextured(PlainSerializer):
 
 def allow_texture(field: FieldInfo, width: int) -> None:
     """Lets a field of a model that is not compiled yet take names of textures beside `width` numbers."""
+    if may_be_textured(field):
+        return
     stand_in = NumberTexture if width == 1 else ColourTexture
 
     def check(value: Any, plain: Any) -> Any:

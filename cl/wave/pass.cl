@@ -1,0 +1,44 @@
+#pragma OPENCL FP_CONTRACT OFF
+// Surfaces that a path passes as if they were not there. Included by wave/shade.cl.
+#include "base/vector.cl"
+#include "base/sampler.cl"
+#include "accel/geometry.cl"
+#include "accel/opacity.cl"
+#include "wave/path.cl"
+#include "wave/vertex.cl"
+
+// Whether the path passes, which takes a number of its own and adds no edge: then it is alive, and its next ray starts
+// behind the surface. `ray` starts where light sampling would have started from, once this is decided.
+static int pass_on(const Geometry g, global const Object *objects, global const Material *materials,
+                   global const Settings *settings, const PathVertex *v, Ray *ray, const uint4 path, const uint slot,
+                   global Ray *rays, global float4 *throughput, global uint *status SCATTERINGS_ARGUMENT)
+{
+#if HAS_OPACITY
+    const float4 scattering = scatterings[slot];
+    const uint passed = bits_of(scattering.w);
+    const float opacity = opacity_at(g, objects, materials, &v->surface);
+    const Ray beyond = ray_beyond(*ray, &v->surface);
+    ray->origin = make4(xyz(scattering), ray->origin.w);
+    if (opacity >= 1.0f) {
+        return 0;
+    }
+    if (sample_2d(sampler_for(settings, path.z, path.w), SET_PASS(passed)).x < opacity) {
+        return 0;
+    }
+    rays[slot] = beyond;
+    throughput[slot] = v->state;
+    scatterings[slot] = make4(xyz(scattering), float_of(passed + 1u));
+    *status = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
+    return 1;
+#else
+    return 0;
+#endif
+}
+
+// Notes where the path scattered, for what it meets behind surfaces that it passes.
+static void note_scattering(const uint slot, const Ray onward SCATTERINGS_ARGUMENT)
+{
+#if HAS_OPACITY
+    scatterings[slot] = make4(xyz(onward.origin), scatterings[slot].w);
+#endif
+}
