@@ -48,8 +48,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     if (hit.prim == NONE) {
 #if HAS_SKY
         const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
-        const float3 sky = environment_seen(lights, before, settings, g, ray, path.y, state);
-        samples[path.x] += make4(sky, 0.0f);
+        samples[path.x] += make4(environment_seen(lights, before, settings, g, ray, path.y, state), 0.0f);
 #endif
         return;
     }
@@ -73,13 +72,10 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #if HAS_LIGHTS
     const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
     const float4 u = both.hi;
-    const LightPlace place = light_place_of(&vertex, slot LEFT_NORMALS);
-    const ShadowRay direct = sample_direct(lights, place, settings, g, materials, &vertex, both.lo);
+    const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, both.lo, slot LEFT_NORMALS);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
-    if (direct.valid && !asks) {
-        samples[path.x] += make4(direct.light, 0.0f);
-    }
+    samples[path.x] += make4(direct.valid && !asks ? direct.light : (float3)(0.0f), 0.0f);
 #else
     const int asks = direct.valid;
 #endif

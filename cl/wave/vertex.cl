@@ -240,8 +240,9 @@ static LightPlace light_place_of(const PathVertex *v, const uint slot LEFT_NORMA
 }
 
 // Shadow ray to one light, picked by power or by the tree. The target is exact in the ray: origin plus direction is the light's point.
-static ShadowRay sample_direct(const Lights lights, const LightPlace place, global const Settings *settings,
-                               const Geometry g, global const Material *materials, const PathVertex *v, const float4 u)
+static ShadowRay sample_direct(const Lights lights, global const Settings *settings, const Geometry g,
+                               global const Material *materials, const PathVertex *v, const float4 u,
+                               const uint slot LEFT_NORMALS_ARGUMENT)
 {
     ShadowRay out;
     out.valid = 0;
@@ -250,6 +251,7 @@ static ShadowRay sample_direct(const Lights lights, const LightPlace place, glob
         return out;
     }
     float pick_pdf;
+    const LightPlace place = light_place_of(v, slot LEFT_NORMALS);
     const uint index = pick_light(lights, place, u.zw, &pick_pdf);
     const LightSample light = light_sample(lights.table + index, g, v->surface.p, u.xy);
     const float3 wi = normalize3(light.to);
