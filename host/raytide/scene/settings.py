@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from raytide.scene.model import Table
-from raytide.scene.values import Count, Flag, Number, Seconds, Share, key
+from raytide.scene.values import Count, Flag, Number, Seconds, Share, Window, key
 
 DEFAULT_WIDTH = {"box": 1.0, "gaussian": 4.0, "centre": 0.0}  # the Gaussian is cut at 2 pixels = 4 sigma of 0.5
 
@@ -26,6 +26,9 @@ class RenderSettings(Table):
         5, low=0, high=1024, unit="edges", doc="first edge where roulette may end a path; 0: never"
     )
     seed: Count = key(0, low=0, high=2**32 - 1, doc="another seed, another noise")
+    crop: Window | None = key(
+        None, unit="pixels", doc="render only this window: column and row of its upper left pixel, width, height"
+    )
     filter: Literal["box", "gaussian", "centre"] = key("box", doc="pixel filter; centre shoots through exact centres")
     filter_width: Number | None = key(
         None, above=0, high=16, unit="pixels", doc="full width of the filter; default 1 for box, 4 for gaussian"
