@@ -43,6 +43,9 @@ class Features:
     lens: bool = False  # thin lens
     orthographic: bool = False
     gaussian: bool = False  # pixel filter, else box or centre
+    tent: bool = False
+    mitchell: bool = False
+    lanczos: bool = False
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
