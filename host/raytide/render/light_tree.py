@@ -138,14 +138,16 @@ def _endless_nodes(weights: np.ndarray, first: int) -> tuple[np.ndarray, np.ndar
         padded[: len(weight)] = weight
         sums = padded.reshape(count, LANES).sum(axis=1)
         nodes["share"] = padded.reshape(count, LANES) / np.where(sums > 0, sums, 1)[:, None]
-        nodes["child"].reshape(-1)[: len(children)] = children
+        below = np.full(count * LANES, LEAF, np.uint32)
+        below[: len(children)] = children
+        nodes["child"] = below.reshape(count, LANES)
         levels.append(nodes)
         if count == 1:
             break
         children, weight = np.arange(count, dtype=np.uint32), sums
     firsts = np.cumsum([0, *(len(nodes) for nodes in levels[::-1])])[::-1][1:]
-    for nodes, below in zip(levels[1:], firsts[:-1], strict=True):
-        nodes["child"][nodes["child"] < TWO_SIDED] += np.uint32(below)
+    for nodes, first_below in zip(levels[1:], firsts[:-1], strict=True):
+        nodes["child"][nodes["child"] < TWO_SIDED] += np.uint32(first_below)
     for depth, lane in enumerate(bits[::-1]):
         trails |= (lane << 3 * depth).astype(np.uint32)
     return np.concatenate(levels[::-1]), trails
