@@ -47,8 +47,9 @@ class Bounds:
 
     @staticmethod
     def empty(count: int) -> Bounds:
-        zeros = [np.zeros((count, 3)) for _ in range(3)]
-        return Bounds(*zeros, *(np.zeros(count) for _ in range(3)), np.zeros(count, bool))
+        low, high, axis = (np.zeros((count, 3)) for _ in range(3))
+        cos_o, cos_e, intensity = (np.zeros(count) for _ in range(3))
+        return Bounds(low, high, axis, cos_o, cos_e, intensity, np.zeros(count, bool))
 
 
 def has_place(lights: np.ndarray) -> np.ndarray:
