@@ -24,9 +24,9 @@ static float2 film_point(const uint x, const uint y, const float radius, const f
     return center + radius * filter_offset(u, &weight);
 #elif HAS_TENT
     const float2 t = 2.0f * u - (float2)(1.0f);
-    const float x = 1.0f - sqrt_of(1.0f - abs_of(t.x));
-    const float y = 1.0f - sqrt_of(1.0f - abs_of(t.y));
-    return center + radius * (float2)(t.x < 0.0f ? -x : x, t.y < 0.0f ? -y : y);
+    const float across = 1.0f - sqrt_of(1.0f - abs_of(t.x));
+    const float down = 1.0f - sqrt_of(1.0f - abs_of(t.y));
+    return center + radius * (float2)(t.x < 0.0f ? -across : across, t.y < 0.0f ? -down : down);
 #else
     return center + radius * (2.0f * u - (float2)(1.0f));
 #endif
