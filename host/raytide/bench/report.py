@@ -238,8 +238,9 @@ def summary_markdown(results: Sequence[dict[str, Any]]) -> str:
 def summary_page(results: Sequence[dict[str, Any]]) -> str:
     """A folder of results as one sortable page, each result folded away below it."""
     rows = summary_rows(results)
-    scored = [row for row in rows if row[2]]
-    plot = bars([f"{row[0]}, {row[1]}"[:60] for row in scored], [row[2] for row in scored], "points", width=760)
+    scored = sorted((one for one in results if score_line(one.get("score"))), key=lambda one: -one["score"]["value"])
+    points = [one["score"]["value"] for one in scored]
+    plot = bars([f"{one['device_id']} ({one['suite']})" for one in scored], points, "points", width=760)
     shown = table(SUMMARY_HEAD, rows, "Mrays/s of workloads; a click on a heading sorts.")
     caption = "Points; a quick score and a score are not on the same scale."
     body: list[Html] = [section("Devices", paragraph(how_to_read()), shown, figure(plot, caption))]
