@@ -18,7 +18,7 @@ from raytide.bench import record, runner, validity
 from raytide.bench.compare import compare, share_of
 from raytide.bench.model import Result, json_schema
 from raytide.bench.plan import drifting, warm
-from raytide.bench.references import REFERENCE_RUNS, load_references
+from raytide.bench.references import REFERENCE_RUNS, SAME_SPP, load_references
 from raytide.bench.runner import Findings, Job, canonical_sha256, result_of, run_job, sealed, statuses
 from raytide.bench.score import reference_table, score_line, score_of
 from raytide.bench.show import csv_text, tables
@@ -162,7 +162,7 @@ def test_references_are_whole_and_far_less_noisy_than_what_they_judge() -> None:
     for one in found.values():
         assert one.image.shape == (VERIFY_SIZE[1], VERIFY_SIZE[0], 3) and one.image.dtype == np.float32
         assert one.tiles.shape == (VERIFY_SIZE[1] // 4, VERIFY_SIZE[0] // 4, 3) and np.isfinite(one.tiles).all()
-        assert (one.tiles_variance >= 0).all() and one.rays["primary"] == 16 * VERIFY_SIZE[0] * VERIFY_SIZE[1]
+        assert (one.tiles_variance >= 0).all() and one.rays["primary"] == SAME_SPP * VERIFY_SIZE[0] * VERIFY_SIZE[1]
         assert np.allclose(one.tiles.mean(axis=(0, 1)), one.picture, rtol=1e-6)
         assert (np.sqrt(one.picture_variance / REFERENCE_RUNS) < 2e-3 * one.picture).all()
 
