@@ -176,6 +176,16 @@ def test_scores_of_nothing_wrong_are_small_and_of_nan_infinite() -> None:
     assert (validity.scores(np.full(3, 1.01), np.ones(3), np.zeros(3)) > 1e3).all(), "no noise: any difference counts"
 
 
+def test_one_bright_sample_is_no_bias_and_a_small_shift_of_all_runs_is() -> None:
+    rng = np.random.default_rng(5)
+    wanted, variance = np.full((12, 20, 3), 2.0), np.full((12, 20, 3), 0.01)
+    runs = wanted + 0.1 * rng.normal(size=(16, *wanted.shape))
+    runs[3, 5, 5] += 40.0
+    assert np.abs(validity.scores_of_runs(runs, wanted, variance)).max() < 5
+    runs[:, 7, 7] *= 1.1
+    assert np.abs(validity.scores_of_runs(runs, wanted, variance)[7, 7]).max() > 5.3
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
