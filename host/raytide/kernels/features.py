@@ -47,6 +47,7 @@ class Features:
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
     blue_noise: bool = False  # neighbouring pixels share a sequence
+    adaptive: bool = False  # tiles have numbers of samples of their own
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
     one_sided: bool = False  # any material that names whether its back is like its front

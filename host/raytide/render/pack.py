@@ -105,6 +105,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         local=render.integrator == "local",
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",
+        adaptive=render.adaptive,
         **{name: everything or name in asked for name in SWITCHES},
     )
 
