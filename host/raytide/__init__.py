@@ -16,10 +16,10 @@ from typing import Any
 
 _HOMES = {
     "raytide.scene": (
-        "Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane Plastic "
-        "Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere ThinDielectric "
-        "ThinFilm ThinLens bitmap box checkerboard directional disk instance load mesh mesh_attribute plane point rect "
-        "sky sphere spot"
+        "Blend Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane "
+        "Plastic Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere "
+        "ThinDielectric ThinFilm ThinLens bitmap box checkerboard directional disk instance load mesh "
+        "mesh_attribute plane point rect sky sphere spot"
     ),
     "raytide.device": "list_devices pick",
     "raytide.render": "Checkpoints Film Renderer",

@@ -26,7 +26,7 @@ ARROWS = {
     "accel": {"kernels", "device"},
     "render": {"scene", "importers", "kernels", "device", "image", "accel"},
     "report": {"scene", "importers", "kernels", "device", "image", "accel", "render"},
-    "verify": {"scene", "kernels", "device", "accel", "render"},
+    "verify": {"scene", "importers", "kernels", "device", "image", "accel", "render"},
     "cli": {"scene", "importers", "kernels", "device", "image", "accel", "render", "report", "verify"},
     "__init__": {"scene", "device", "image", "render"},
     "__main__": {"cli"},

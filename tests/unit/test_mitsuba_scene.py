@@ -275,3 +275,16 @@ def test_masks_and_bump_maps_become_keys_of_the_bsdf_inside(tmp_path: Path) -> N
     see_through, rough = loaded(tmp_path, shapes).materials.values()
     assert see_through.type == "diffuse" and see_through.opacity == 0.25
     assert rough.bump_map in loaded(tmp_path, shapes).textures and rough.bump_scale == 3
+
+
+def test_blends_and_their_parts_become_materials(tmp_path: Path) -> None:
+    """Black from behind, unless inside `twosided`, is up to the parts."""
+    parts = '<bsdf type="diffuse"/><bsdf type="twosided"><bsdf type="conductor"/></bsdf>'
+    blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.2"/>{parts}</bsdf>'
+    scene = loaded(tmp_path, f'<shape type="sphere">{blend}</shape>')
+    found = scene["sphere"].material
+    assert (found.type, found.weight) == ("blend", 0.2)
+    first, second = (scene.materials[name] for name in (found.first, found.second))
+    assert (first.type, first.two_sided) == ("diffuse", False) and (second.type, second.two_sided) == ("mirror", True)
+    around = loaded(tmp_path, f'<shape type="sphere"><bsdf type="twosided">{blend}</bsdf></shape>')
+    assert all(around.materials[name].two_sided for name in around["sphere"].material.parts)

@@ -243,7 +243,7 @@ _TABLE = (
         ("float4", "right", "", "image plane per unit x; w = 1 / focus distance, 0 = infinity"),
         ("float4", "up", "", "image plane per unit y"),
         ("float4", "forward", "", "unit"),
-        ("float4", "raster", "", "xy = plane coordinates of the first pixel's corner, zw = pixel steps"),
+        ("float4", "raster", "", "xy = film point on the axis [pixels], zw = plane coordinates of a pixel"),
     ),
     _record(
         "Settings",

@@ -52,8 +52,9 @@ def texture_kinds(flat: FlatScene) -> set[str]:
 
 def has_relief(flat: FlatScene) -> bool:
     """Whether a material of an object has a normal or bump map."""
-    used = (flat.materials[thing.material] for thing in flat.objects)
-    return any(name in material.RELIEF for material in used for name in material.textures())
+    models = dict(zip(flat.material_names, flat.materials, strict=True))
+    used = {name for thing in flat.objects for name in layers_of(models, flat.material_names[thing.material])}
+    return any(name in models[one].RELIEF for one in used for name in models[one].textures())
 
 
 def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) -> PackedTextures:

@@ -59,6 +59,11 @@ class Material(Table):
             raise ValueError("came two_sided = false; wanted true: light passes through this material")
         return self
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the materials that this one rests on."""
+        return ()
+
     def parameters(self) -> list[tuple[str, tuple[float, ...]]]:
         """What the device gets, in PARAMETERS order: a colour as 3 floats, a number as 1."""
         return [
