@@ -188,7 +188,7 @@ def write(output: Path, outcomes: list[Outcome], facts: dict[str, Any], reporter
 
 def lines(outcomes: list[Outcome]) -> str:
     """A table for people."""
-    from raytide.cli.bench import aligned
+    from raytide.bench.show import aligned
     from raytide.report.convergence_files import complete
 
     head = ["SCENE", "VARIANT", "BUDGET", "ERROR", "95 %", "SLOPE", "99 %", "SET-UP S", "RENDER S"]

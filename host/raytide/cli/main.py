@@ -30,7 +30,7 @@ COMMANDS = {
     "devices": ("raytide.cli.devices:devices", "List the OpenCL devices."),
     "doctor": ("raytide.cli.doctor:doctor", "Check drivers, devices and caches, and tell what mends them."),
     "verify": ("raytide.cli.verify:verify", "Try numerically hard cases on a device."),
-    "bench": ("raytide.cli.bench:bench", "Measure how fast a device traces rays."),
+    "bench": ("raytide.cli.bench:app", "Measure devices: a score for right pictures only."),
     "cache": ("raytide.cli.cache:app", "Show or clear the kernel cache."),
 }
 INTERRUPTED = 130

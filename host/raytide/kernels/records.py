@@ -231,7 +231,7 @@ _TABLE = (
         ("uint", "place", "", "of its first number in the material"),
         ("uint", "width", "", "numbers: 1 or 3; SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY"),
         ("uint", "pad", "", "zero"),
-        ("float", "low", "", "least value of the parameter; heights: their factor"),
+        ("float", "low", "", "least value of the parameter; heights: their factor; normals: 1 = green across u"),
         ("float", "high", "", "largest value of the parameter"),
         ("float", "pad0", "", "zero"),
         ("float", "pad1", "", "zero"),

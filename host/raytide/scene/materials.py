@@ -318,7 +318,7 @@ class Blend(Material):
 
     @model_validator(mode="after")
     def _leaves_it_to_its_parts(self) -> Self:
-        given = sorted(self.model_fields_set & {"two_sided", "normal_map", "bump_map", "bump_scale"})
+        given = sorted(self.model_fields_set & {"two_sided", "normal_map", "normal_green", "bump_map", "bump_scale"})
         if given:
             raise ValueError(f"came {' and '.join(given)}; wanted them on the materials that are blended")
         return self

@@ -142,7 +142,7 @@ def _normalmap(reader: Reader) -> Table | None:
             reader.problem("normalmap", "nothing (the parameter is missing)", "a texture of normals")
         return None
     normals = reader.build.textures.value(reader, "normalmap", item, colour=True)
-    return None if table is None else table | {"normal_map": normals}
+    return None if table is None else table | {"normal_map": normals, "normal_green": "across"}
 
 
 def _check_frames(reader: Reader) -> None:
