@@ -1,3 +1,4 @@
+#pragma OPENCL FP_CONTRACT OFF
 // Which samples of which tile a chunk holds where tiles have numbers of samples of their own (HAS_ADAPTIVE), as groups of
 // 64 items: a tile at one sample. The even and the odd pixels of a tile, coloured like a chessboard, each have their own
 // range of samples; a group that only one colour wants is half empty.
