@@ -33,14 +33,16 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
 #endif
-    const uint x = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
-    const uint y = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
+    const uint column = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
+    const uint row = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
 #if HAS_ADAPTIVE
-    const int wanted = is_in_range(range_of(ranges[tile], x, y), sample);
-    const int inside = wanted && x < settings->width && y < settings->height;
+    const int wanted = is_in_range(range_of(ranges[tile], column, row), sample);
+    const int inside = wanted && column < settings->width && row < settings->height;
 #else
-    const int inside = x < settings->width && y < settings->height;
+    const int inside = column < settings->width && row < settings->height;
 #endif
+    const uint x = settings->first_x + column;  // of the whole picture, so that a window changes no sample
+    const uint y = settings->first_y + row;
     const uint pixel = pixel_name(settings, x, y);
     const Sampler sampler = sampler_for(settings, pixel, sample);
     const float4 u = sample_4d(sampler, SET_CAMERA);

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from raytide.errors import UsageError
+from raytide.errors import SceneError, UsageError
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import tiles_across
+from raytide.scene.check import crop_problem
 from raytide.scene.flatten import FlatScene
 
 
@@ -28,6 +29,9 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
             raise UsageError(f"{key}: came an unknown render setting; wanted one of {', '.join(known)}, size")
     if render.adaptive and render.sampler == "blue_noise":
         raise UsageError("adaptive: came with sampler blue_noise, whose pixels share their numbers; wanted sobol")
+    problem = crop_problem(camera, render)
+    if problem:
+        raise SceneError([problem])
     return replace(flat, camera=camera, render=render)
 
 
@@ -40,10 +44,10 @@ def _block_bits(spp: int) -> int:
 def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     """The Settings record of a render."""
     row = np.zeros(1, RECORDS["Settings"].dtype)
-    width, height = flat.camera.size
+    row["first_x"], row["first_y"], width, height = flat.window
     render = flat.render
     row["width"], row["height"], row["tiles_x"] = width, height, tiles_across(width)
-    row["whole_width"], row["block_bits"] = width, _block_bits(render.spp)
+    row["whole_width"], row["block_bits"] = flat.camera.size[0], _block_bits(render.spp)
     row["seed"], row["max_depth"] = render.seed, render.max_depth
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
     row["light_count"], row["environment"] = len(packed.lights), packed.environment
