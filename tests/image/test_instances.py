@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import raytide as rt
 from instance_cases import ball
 from raytide.accel import Forest, build_tree
 from raytide.device import Device
+from raytide.image import write_exr
 from raytide.kernels.records import RECORDS
 from raytide.render.pack import features_of, pack
 from raytide.scene.flatten import FlatInstance
@@ -58,6 +60,45 @@ def test_instances_give_the_picture_of_their_copies_whatever_the_traversal(devic
     parted = np.abs(other - single).max(axis=-1) > 1e-4 * (1 + single.max(axis=-1))
     assert parted.mean() < 0.01
     assert other.mean() == pytest.approx(single.mean(), rel=2e-3)
+
+
+def sheets(path: Path) -> rt.Scene:
+    """Instances of a wavy sheet with texture coordinates: bumps on a stretched one, brushed metal on a mirrored one."""
+    x, z = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9))
+    corner = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
+    halves = [(corner, corner + 9, corner + 1), (corner + 9, corner + 10, corner + 1)]
+    faces = np.concatenate([np.stack(half, 1) for half in halves])
+    points = np.stack([x, 0.1 * np.sin(3 * x + z), z], axis=-1).reshape(-1, 3)
+    u, v = (np.arange(16) + 0.5) / 16, (np.arange(16)[:, None] + 0.5) / 16
+    heights = (0.5 + 0.25 * np.sin(2 * np.pi * (u + 2 * v)) * np.cos(2 * np.pi * v)).astype(np.float32)
+    write_exr(path / "h.exr", {"beauty": np.repeat(heights[..., None], 3, axis=2)})
+    scene = rt.Scene(rt.Camera(origin=(0, 5, 7), target=(0, 0, 0), fov=40, size=(32, 24)))
+    scene.add(rt.bitmap(str(path / "h.exr")), name="heights")
+    scene.add(rt.sky(0.5), name="sky")
+    scene.add(rt.point((1, 4, -1), 40), name="lamp")
+    scene.add(rt.mesh(vertices=points, faces=faces, uv=(points[:, [0, 2]] + 1) / 2), rt.Diffuse(0.5), name="a")
+    place = rt.instance("a").scale((2, 0.7, 0.8)).rotate((1, 1, 0), 35).translate(-1.6, 0.4, 0)
+    scene.add(place, rt.Diffuse(0.8, bump_map="heights", bump_scale=0.2), name="bumps")
+    place = rt.instance("a").scale((-1, 1, 1.5)).rotate("y", 25).translate(1.8, 0.6, 0)
+    scene.add(place, rt.RoughConductor("silver", roughness_u=0.08, roughness_v=0.4), name="brushed")
+    return scene
+
+
+def test_relief_and_stretched_facets_follow_an_instance_as_they_do_its_copy(device: Device, tmp_path: Path) -> None:
+    shared = sheets(tmp_path)
+    copied = Copied(shared.camera)
+    for part in ("textures", "materials", "objects", "lights"):
+        setattr(copied, part, getattr(shared, part))
+    assert len(shared.flatten().instances) > 1 and not copied.flatten().instances
+    one, other = picture(device, shared), picture(device, copied)
+    parted = np.abs(one - other).max(axis=-1) > 2e-3 * (1 + one.max(axis=-1))
+    assert parted.mean() < 0.01
+    assert other.mean() == pytest.approx(one.mean(), rel=2e-3)
+    for name, key, value in (("bumps", "bump_scale", 0.0), ("brushed", "roughness_u", 0.4)):
+        setattr(shared[name].material, key, value)
+        plain = picture(device, shared)
+        assert np.abs(one - plain).max() > 0.1, name  # it shows
+        one = plain
 
 
 def test_layers_name_the_instance_not_its_object(device: Device) -> None:
