@@ -117,7 +117,7 @@ def mesh_of(options: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
             maker = [sys.executable, ROOT / "scenes/blob/generate.py", "70000", path]
             subprocess.run(maker, check=True, stdout=subprocess.DEVNULL)
     mesh = geometry.load_mesh(path)
-    return mesh.vertices, mesh.faces
+    return mesh.vertices, mesh.triangles
 
 
 def interpreters(options: argparse.Namespace) -> dict[str, str]:
