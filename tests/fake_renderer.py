@@ -75,7 +75,7 @@ class FakeRenderer:
     def __exit__(self, *error: object) -> None:
         self.closed = True
 
-    def passes(self, *, watch: bool = False) -> Iterator[FakeFilm]:
+    def passes(self, *, watch: bool = False, checkpoints: None = None) -> Iterator[FakeFilm]:
         while not self.stopped_by:
             time.sleep(self.pause_s)
             if self.error:

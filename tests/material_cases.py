@@ -48,6 +48,7 @@ def _facets(kind: type[Material], keys: dict[str, object], eta: float = 1.0) -> 
 
 CASES: tuple[Case, ...] = (
     Case(rt.Emit(1.0)),
+    Case(rt.Blend("grey", second="glass")),  # reflects nothing itself: paths meet its parts
     Case(rt.Diffuse((0.2, 0.5, 1.0))),
     Case(rt.Diffuse(1.0), lossless=True),
     Case(rt.Mirror((0.2, 0.4, 0.6)), delta=True),

@@ -228,6 +228,10 @@ def material_checks() -> dict[str, list[Check]]:
     surface, sky = ball("diffuse")
     behind = Check(corner, sky, "the sky itself", EXACT)
     out["diffuse"] = [Check(disc, colour(surface["reflectance"]) * sky, "rho L", NOISY / 4), behind]
+    blend = read("materials/blend")["materials"]
+    share, both = blend["surface"]["weight"], (colour(blend[name]["reflectance"]) for name in ("paint", "chrome"))
+    mixed = sum(weight * part for weight, part in zip((1 - share, share), both, strict=True))
+    out["blend"] = [Check(disc, mixed * sky, "L ((1 - w) rho + w R)", NOISY / 4), behind]
     surface, _ = ball("mirror")
     out["mirror"] = [Check(disc, colour(surface["reflectance"]) * sky, "R L", EXACT), behind]
     surface, _ = ball("glossy")

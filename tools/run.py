@@ -2,6 +2,7 @@
 """Set raytide up and run it. Needs Python >= 3.11 with venv, nothing else.
 
     python3 tools/run.py render scenes/cornell/cornell.toml -o cornell.exr
+    python3 tools/run.py test                 the whole suite, in two processes
     python3 tools/run.py test [pytest arguments]
     python3 tools/run.py COMMAND ...          any other raytide command
     python3 tools/run.py python FILE ...      a developer's tool, in the same environment
@@ -17,6 +18,8 @@ VENV = os.path.join(ROOT, ".venv")
 PYTHON = os.path.join(VENV, "Scripts", "python.exe") if os.name == "nt" else os.path.join(VENV, "bin", "python")
 STAMP = os.path.join(VENV, "raytide.stamp")
 LOG = os.path.join(VENV, "install.log")
+# Kernels compile on one thread each, which leaves a core idle; whole files share a process, and so their programs.
+WHOLE_SUITE = ["-n", "2", "--dist", "loadfile"]
 # What pip prints when it cannot reach an index.
 OFFLINE = ("NewConnectionError", "name resolution", "Connection refused", "ConnectionError", "Max retries", "timed out")
 
@@ -34,7 +37,7 @@ def main(arguments):
             return fail(problem)
     if arguments[0] == "test":
         os.chdir(ROOT)
-        return start(["-P", "-m", "pytest", *arguments[1:]])
+        return start(["-P", "-m", "pytest", *(arguments[1:] or WHOLE_SUITE)])
     if arguments[0] == "python":
         return start(arguments[1:])
     return start(["-P", "-m", "raytide", *arguments])  # -P: a file of the working folder never shadows a module

@@ -46,7 +46,7 @@ static float largest8(const float8 v)
 }
 
 // Largest coordinate magnitude of the geometry; its order of magnitude is enough. Read from the root's boxes or,
-// without a tree, from the first block.
+// without a tree, from all blocks.
 static float geometry_extent(const Geometry g)
 {
     float8 largest = (float8)(0.0f);
@@ -59,9 +59,11 @@ static float geometry_extent(const Geometry g)
         largest = max8(largest, max8(-rows[2u * axis], rows[2u * axis + 1u]));
     }
 #else
-    for (uint row = 0u; row < 9u && g.block_count > 0u; row++) {
-        const float8 value = (&g.blocks[world_block(g)].v0x)[row];
-        largest = max8(largest, max8(-value, value));
+    for (uint i = 0u; i < g.block_count; i++) {
+        for (uint row = 0u; row < 9u; row++) {
+            const float8 value = (&g.blocks[world_block(g) + i].v0x)[row];
+            largest = max8(largest, max8(-value, value));
+        }
     }
 #endif
     return largest8(largest);

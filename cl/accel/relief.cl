@@ -32,11 +32,13 @@ static void surface_tangents(const Geometry g, const Surface *s, float3 *along_u
     shape_tangents(g.shapes + (s->prim - g.triangle_count), s->p, s->ng, along_u, along_v);
 }
 
-// Red, green and blue run from -1 to 1 along u, along v as far as it is across u, and along the normal.
-static float3 mapped_normal(const float3 color, const float3 n, const float3 along_u, const float3 along_v)
+// Red, green and blue run from -1 to 1 along u, along v as far as it is across u, and along the normal. Where `across`,
+// green runs along n x u, whichever way v runs.
+static float3 mapped_normal(const float3 color, const float3 n, const float3 along_u, const float3 along_v,
+                            const int across)
 {
     const float3 a = normalize3(along_u - n * dot3(n, along_u));
-    const float3 b = cross3(n, a) * (dot3(cross3(along_u, along_v), n) < 0.0f ? -1.0f : 1.0f);
+    const float3 b = cross3(n, a) * (!across && dot3(cross3(along_u, along_v), n) < 0.0f ? -1.0f : 1.0f);
     const float3 along = 2.0f * color - (float3)(1.0f);
     return normalize3(a * along.x + b * along.y + n * along.z);
 }
@@ -65,7 +67,7 @@ static float3 relief_normal(const Geometry g, global const Material *m, const Su
         global const Texture *t = g.textures.table + slot->texture;
         float3 n = s->n;
         if (slot->width == SLOT_NORMALS) {
-            n = mapped_normal(texture_value(t, g, at), s->n, along_u, along_v);
+            n = mapped_normal(texture_value(t, g, at), s->n, along_u, along_v, slot->low != 0.0f);
 #if HAS_BITMAP
         } else {
             n = raised_normal(slot->low * bitmap_slope(t, g, at), s->n, s->ng, along_u, along_v);

@@ -8,14 +8,19 @@
 // triangles of an edge never disagree. Whole vertices: both triangles see the same rounded numbers. Coordinates are
 // scaled by a power of two, so that no product under- or overflows at any scale of the scene.
 
-#define SCALED_EXTENT 4294967296.0f  // 2^32: extents to the power 3, and rounding errors of areas, stay normal
+// Areas of the whole scene stay below 2^126, those of triangles as small as 2^-108 of it keep normal rounding errors.
+// Depths are scaled apart, so that an area times a depth overflows no more than an area.
+#define SCALED_EXTENT 2.8823038e17f  // 2^58
+#define SCALE_MOST 8.5070592e37f     // 2^126
+#define TO_DEPTH 1.7347235e-18f      // 2^-59
+#define FROM_DEPTH 5.7646075e17f
 
 typedef struct {
     uint4 rows;      // byte offsets within a vertex's three rows of the axes; z is the ray's main axis
-    float shear_x;
+    float shear_x;   // for a scaled z
     float shear_y;
     float scale;     // of x and y
-    float scale_z;   // the same, negative where the direction is: the sheared ray always runs towards +z
+    float scale_z;   // TO_DEPTH times that, negative where the direction is: the sheared ray always runs towards +z
     float length_z;  // scaled depth over this is t
     float3 shift;    // minus the scaled origin
 } Shear;
@@ -32,15 +37,15 @@ static Shear shear_of(const TraceRay ray, const float4 inverse)
     const uint z = ray.axis;
     const uint x = z == 2u ? 0u : z + 1u;
     const uint y = x == 2u ? 0u : x + 1u;
-    const float towards = -abs_of(inverses[z]);
+    const float towards = -abs_of(inverses[z]) * FROM_DEPTH;
     const float to_one = scale_to_one(ray.extent);
     Shear s;
     s.rows = (uint4)(x, y, z, 0u) * ROW;
-    s.scale = to_one < 2.0e28f ? to_one * SCALED_EXTENT : 8.5070592e37f;  // 2^126 at most
-    s.scale_z = float_of(bits_of(s.scale) | (bits_of(d[z]) & 0x80000000u));
+    s.scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
+    s.scale_z = float_of(bits_of(s.scale * TO_DEPTH) | (bits_of(d[z]) & 0x80000000u));
     s.shear_x = d[x] * towards;
     s.shear_y = d[y] * towards;
-    s.length_z = abs_of(d[z]) * s.scale;
+    s.length_z = abs_of(d[z]) * (s.scale * TO_DEPTH);
     s.shift = (float3)(-o[x] * s.scale, -o[y] * s.scale, -o[z] * s.scale_z);
     return s;
 }

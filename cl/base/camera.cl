@@ -24,11 +24,11 @@ static float2 film_point(const uint x, const uint y, const float radius, const f
 }
 
 // Ray through film point `at`; `lens` in [0,1)^2 picks the point on the aperture. Unit direction.
-// Plane coordinates grow from `raster.xy` in steps of `raster.zw`, so no digit is lost on large films.
+// Plane coordinates are counted from the axis: what lies near it keeps its digits at every angle and size.
 static Ray camera_ray(global const Camera *camera, const float2 at, const float2 lens)
 {
-    const float x = fma_of(at.x, camera->raster.z, camera->raster.x);
-    const float y = fma_of(at.y, camera->raster.w, camera->raster.y);
+    const float x = (at.x - camera->raster.x) * camera->raster.z;
+    const float y = (at.y - camera->raster.y) * camera->raster.w;
     const float3 right = xyz(camera->right);
     const float3 up = xyz(camera->up);
     const float3 forward = xyz(camera->forward);

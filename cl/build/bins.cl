@@ -35,7 +35,7 @@ static Frame frame_of_centers(const float8 box)
 static uint bin_of(const float center, const float low, const float scale)
 {
     const int bin = (int)((center - low) * scale);
-    return (uint)(bin < BINS ? bin : BINS - 1);
+    return (uint)(bin < BINS ? (bin > 0 ? bin : 0) : BINS - 1);
 }
 
 static void clear_bins(float8 *boxes, uint *counts)
@@ -46,19 +46,25 @@ static void clear_bins(float8 *boxes, uint *counts)
     }
 }
 
-static void add_to_bins(float8 *boxes, uint *counts, const float8 primitive, const Frame frame)
+// Notes a primitive's three bins with it, a byte each. Whoever moves primitives to the sides of a split reads them there:
+// a bin worked out twice need not be the same, where a compiler may order a sum of floats as it likes.
+static void add_to_bins(float8 *boxes, uint *counts, global float8 *place, const Frame frame)
 {
+    const float8 primitive = *place;
     const float4 center = doubled_center(primitive);
     const uint x = bin_of(center.x, frame.low.x, frame.scale.x);
-    const uint y = bin_of(center.y, frame.low.y, frame.scale.y) + BINS;
-    const uint z = bin_of(center.z, frame.low.z, frame.scale.z) + 2 * BINS;
+    const uint y = bin_of(center.y, frame.low.y, frame.scale.y);
+    const uint z = bin_of(center.z, frame.low.z, frame.scale.z);
+    ((global uint *)place)[7] = x | y << 8u | z << 16u;
     boxes[x] = merge(boxes[x], primitive);
-    boxes[y] = merge(boxes[y], primitive);
-    boxes[z] = merge(boxes[z], primitive);
+    boxes[y + BINS] = merge(boxes[y + BINS], primitive);
+    boxes[z + 2u * BINS] = merge(boxes[z + 2u * BINS], primitive);
     ++counts[x];
-    ++counts[y];
-    ++counts[z];
+    ++counts[y + BINS];
+    ++counts[z + 2u * BINS];
 }
+
+static uint noted_bin(const float8 primitive, const uint axis) { return (as_uint(primitive.s7) >> (8u * axis)) & 255u; }
 
 // A free split must leave both sides a depth in which halving still ends: then no leaf lies below MAX_BINARY_DEPTH.
 static int must_halve(const uint count, const uint depth)

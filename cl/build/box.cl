@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 // Boxes while a tree is built: s012 = low corner, s456 = high corner NEGATED, so that one minimum merges two boxes.
-// s3 carries the bits of a primitive id (in primitives) and is meaningless after a merge; s7 is unused. [m]
+// s3 carries the bits of a primitive id (in primitives) and is meaningless after a merge; s7 those of
+// the bins of a primitive (build/bins.cl). [m]
 
 #define EMPTY_BOX ((float8)(FLT_MAX))
 

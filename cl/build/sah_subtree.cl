@@ -4,17 +4,13 @@
 
 #define SWEEP 8u  // up to this many primitives every split of every axis is tried: cheaper than bins, and exact
 
-static uint partition_range(global float8 *primitives, global float8 *spare, const uint count, const Split split,
-                            const Frame frame)
+static void partition_range(global float8 *primitives, global float8 *spare, const uint count, const Split split)
 {
-    const float low = split.axis == 0u ? frame.low.x : split.axis == 1u ? frame.low.y : frame.low.z;
-    const float scale = split.axis == 0u ? frame.scale.x : split.axis == 1u ? frame.scale.y : frame.scale.z;
-    global const float *corners = (global const float *)primitives + split.axis;
     uint left = 0u;
     uint right = 0u;
     for (uint i = 0; i < count; ++i) {
         const float8 primitive = primitives[i];
-        const uint goes_right = bin_of(corners[8u * i] - corners[8u * i + 4u], low, scale) >= split.plane;
+        const uint goes_right = noted_bin(primitive, split.axis) >= split.plane;
         primitives[left] = primitive;  // left <= i, so nothing unread is lost
         spare[right] = primitive;
         right += goes_right;
@@ -23,7 +19,6 @@ static uint partition_range(global float8 *primitives, global float8 *spare, con
     for (uint i = 0; i < right; ++i) {
         primitives[left + i] = spare[i];
     }
-    return left;
 }
 
 // Splits more than SWEEP primitives by bins; returns how many are left of the split.
@@ -39,11 +34,11 @@ static uint split_by_bins(global float8 *primitives, global float8 *spare, const
     uint counts[3 * BINS];
     clear_bins(boxes, counts);
     for (uint i = 0; i < count; ++i) {
-        add_to_bins(boxes, counts, primitives[i], frame);
+        add_to_bins(boxes, counts, primitives + i, frame);
     }
     const Split split = best_split(boxes, counts, count);
     if (split.axis != MEDIAN) {
-        partition_range(primitives, spare, count, split, frame);
+        partition_range(primitives, spare, count, split);
     }
     return split.left;
 }

@@ -37,7 +37,7 @@ kernel void top_frames(const uint node_count, global const uint4 *nodes, global 
     frames[n] = (float8)(frame.low, frame.scale);
 }
 
-kernel void top_bins(const uint chunk_count, global const uint4 *chunks, global const float8 *primitives,
+kernel void top_bins(const uint chunk_count, global const uint4 *chunks, global float8 *primitives,
                      global const float8 *frames, global float8 *chunk_bins, global uint *chunk_counts)
 {
     const uint c = (uint)get_global_id(0);
@@ -52,7 +52,7 @@ kernel void top_bins(const uint chunk_count, global const uint4 *chunks, global 
     uint counts[3 * BINS];
     clear_bins(boxes, counts);
     for (uint i = chunk.y; i < chunk.y + chunk.z; ++i) {
-        add_to_bins(boxes, counts, primitives[i], frame);
+        add_to_bins(boxes, counts, primitives + i, frame);
     }
     for (uint b = 0; b < 3 * BINS; ++b) {
         chunk_bins[c * 3 * BINS + b] = boxes[b];
@@ -99,7 +99,7 @@ kernel void top_splits(const uint node_count, global const uint4 *nodes, global 
 
 // Moves every primitive to its side, keeping order. Places are disjoint by left_before, so no two items write the same.
 kernel void top_partition(const uint chunk_count, global const uint4 *nodes, global const uint4 *chunks,
-                          global const float8 *frames, global const uint4 *splits, global const uint *left_before,
+                          global const uint4 *splits, global const uint *left_before,
                           global const float8 *primitives, global float8 *moved)
 {
     const uint c = (uint)get_global_id(0);
@@ -109,17 +109,12 @@ kernel void top_partition(const uint chunk_count, global const uint4 *nodes, glo
     const uint4 chunk = chunks[c];
     const uint4 split = splits[chunk.x];
     const uint first = nodes[chunk.x].x;
-    const uint axis = split.x == MEDIAN ? 0u : split.x;
-    global const float *frame = (global const float *)(frames + chunk.x);
-    const float low = frame[axis];
-    const float scale = frame[axis + 4u];
     uint left = first + left_before[c];
     uint right = first + split.z + (chunk.w - left_before[c]);
     for (uint i = 0; i < chunk.z; ++i) {
         const float8 primitive = primitives[chunk.y + i];
-        global const float *corner = (global const float *)(primitives + chunk.y + i);
-        const uint bin = bin_of(corner[axis] - corner[axis + 4u], low, scale);
-        const uint goes_right = split.x == MEDIAN ? chunk.w + i >= split.z : bin >= split.y;
+        const uint goes_right =
+            split.x == MEDIAN ? chunk.w + i >= split.z : noted_bin(primitive, split.x) >= split.y;
         moved[goes_right ? right : left] = primitive;
         right += goes_right;
         left += 1u - goes_right;

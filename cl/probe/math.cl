@@ -22,6 +22,14 @@ static float4 probe_visible_normal(const float3 wo, const float alpha, const flo
     return make4(h, dot3(h, wo));
 }
 
+// The direction after a mirror of normal n, by the same steps as a path's vertex takes.
+static float3 probe_bounce(const float3 n, const float3 direction)
+{
+    const Frame frame = frame_of(n);
+    const float3 wo = to_local(frame, -renormalize3(direction));
+    return to_world(frame, (float3)(-wo.x, -wo.y, wo.z));
+}
+
 static float4 probe_dielectric(const float4 a)
 {
     float cosine;
@@ -49,6 +57,9 @@ kernel void probe_math(const uint operation, const uint count, global const floa
     case PROBE_CONDUCTOR: r.x = conductor_reflectance(a.x, a.y, a.z); break;
     case PROBE_DIELECTRIC: r = probe_dielectric(a); break;
     case PROBE_SAMPLE: r = sample_4d(sampler_of(bits_of(a.x), bits_of(a.y), bits_of(a.z)), bits_of(a.w)); break;
+    case PROBE_HALF_VISIBILITY: r.x = ggx_half_visibility(a.z, b.x); break;
+    case PROBE_NORMALIZE: r = make4(normalize3(xyz(a)), length3(xyz(a))); break;
+    case PROBE_BOUNCE: r = make4(probe_bounce(xyz(a), xyz(b)), 0.0f); break;
     default: break;
     }
     out[i] = r;

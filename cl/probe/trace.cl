@@ -70,3 +70,24 @@ kernel void probe_light_point(GEOMETRY_ARGUMENTS, const uint count, global const
     out[2u * i] = make4(p, pdf);
     out[2u * i + 1u] = make4(wi, shape_pdf(shapes, xyz(from[i]), p, ng, wi));
 }
+
+#if HAS_COUNTERS
+// Nodes and leaves that each ray visits.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
+kernel void probe_visits(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint2 *visited)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) {
+        return;
+    }
+    Geometry g = GEOMETRY_OF_ARGUMENTS;
+    Visits visits;
+    visits.nodes = 0u;
+    visits.leaves = 0u;
+    visits.node_bits = 0;
+    visits.leaf_bits = 0;
+    g.visits = &visits;
+    trace_closest(g, rays[i]);
+    visited[i] = (uint2)(visits.nodes, visits.leaves);
+}
+#endif

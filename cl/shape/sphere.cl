@@ -17,7 +17,8 @@ static float sphere_excess(const float3 v, const float r) { return dot4_exact(ma
 static float sphere_intersect(global const Shape *s, const float3 o, const float3 d, const float t_max)
 {
     const float3 from_center = o - xyz(s->center);
-    const float unit = scale_to_one(max_of(largest3(abs3(from_center)), s->center.w));
+    const float extent = max_of(largest3(abs3(from_center)), s->center.w);
+    const float unit = scale_to_one(extent);
     const float3 f = from_center * unit;
     const float r = s->center.w * unit;
     const float a = dot3(d, d);
@@ -31,11 +32,14 @@ static float sphere_intersect(global const Shape *s, const float3 o, const float
     const float c = sphere_excess(f, r);
     const float root = sqrt_of(a * discriminant);
     const float q = b < 0.0f ? b - root : b + root;
-    const float t0 = q == 0.0f ? 0.0f : c / q;
+    const float inverse = 1.0f / q;
+    const float quotient = c * inverse;
+    const float refined = fma_of(fma_of(-q, quotient, c), inverse, quotient);  // right where division is ulps off
+    const float t0 = q == 0.0f ? 0.0f : refined;
     const float t1 = q / a;
-    const float near = min_of(t0, t1) / unit;
-    const float far = max_of(t0, t1) / unit;
-    const float t = near >= 0.0f ? near : far;
+    const float near = min_of(t0, t1);
+    const float far = max_of(t0, t1);
+    const float t = (near >= 0.0f ? near : far) * power_below(extent);
     return t >= 0.0f && t <= t_max ? abs_of(t) : NO_HIT;
 }
 
@@ -55,7 +59,8 @@ static void sphere_surface(global const Shape *s, const float3 o, const float3 d
     const float3 center = xyz(s->center);
     const float r = s->center.w;
     const float3 f = o - center;
-    const float3 n = normalize3((float3)(fma_of(t, d.x, f.x), fma_of(t, d.y, f.y), fma_of(t, d.z, f.z)));
+    const float3 along = (float3)(fma_of(t, d.x, f.x), fma_of(t, d.y, f.y), fma_of(t, d.z, f.z));
+    const float3 n = renormalize3(normalize3(along));  // quotients and roots may be ulps off: a step makes up for it
     out->p = sphere_point(center, r, n);
     out->ng = n;
     out->n = n;

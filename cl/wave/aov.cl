@@ -5,9 +5,26 @@
 #include "accel/traverse.cl"
 #include "accel/relief.cl"
 #include "accel/textured.cl"
+#include "accel/blended.cl"
 #include "accel/opacity.cl"
 #include "dispatch/material.cl"
 #include "wave/path.cl"
+
+// Of all parts of a blend, by their shares.
+static float3 albedo_at(const Geometry g, global const Material *materials, const uint number, const Surface *s)
+{
+    float3 albedo = (float3)(0.0f);
+    for (float u = 0.0f, end; u < 1.0f; u = end) {
+        global const Material *material = materials + blended(g, materials, number, s, u, &end);
+#if HAS_TEXTURED
+        const Material here = textured_material(g, material, s);
+        albedo += (end - u) * material_albedo(&here);
+#else
+        albedo += (end - u) * material_albedo(material);
+#endif
+    }
+    return albedo;
+}
 
 // What lies under each pixel's centre: albedo and depth, normal, position and object. One ray a pixel, free of noise.
 // Race rule: every item owns its pixel. On a miss the object is NONE and the depth infinite.
@@ -46,17 +63,14 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
     }
     Surface s = surface_of(g, ray, hit);
     const float3 wo = -normalize3(xyz(ray.direction));
-    global const Material *material = materials + objects[s.object].material;
+    float end;
+    const uint number = objects[s.object].material;
+    global const Material *material = materials + blended(g, materials, number, &s, 0.5f, &end);
 #if HAS_RELIEF
     s.n = relief_normal(g, material, &s);
 #endif
     const float3 n = dot3(wo, s.ng) < 0.0f ? -s.n : s.n;
-#if HAS_TEXTURED
-    const Material here = textured_material(g, material, &s);
-    const float3 albedo = material_albedo(&here);
-#else
-    const float3 albedo = material_albedo(material);
-#endif
+    const float3 albedo = albedo_at(g, materials, number, &s);
     albedo_depth[i] = make4(albedo, hit.t);
     normal[i] = make4(n, 0.0f);
     position_object[i] = make4(s.p, float_of(s.object));

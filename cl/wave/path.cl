@@ -25,6 +25,7 @@
 #define SET_LIGHT(edge) (2u * (edge) - 1u)
 #define SET_BSDF(edge) (2u * (edge))
 #define SET_PASS(passed) (0x1000000u + (passed))  // beyond all edges: surfaces that the path passed
+#define SET_BLEND(edge) (0x2000000u + (edge))
 
 #define LOOK_AHEAD 8u  // items of a queue between the one at work and the one whose slot is asked for
 

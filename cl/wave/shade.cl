@@ -51,7 +51,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #endif
         return;
     }
-    const PathVertex vertex = vertex_of(g, objects, materials, ray, hit, path.y, state);
+    const PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, state);
     const int passed = pass_on(g, objects, materials, settings, &vertex, &ray, path, slot, rays, throughput,
                                status + i SCATTERINGS);
     if (is_light(objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory

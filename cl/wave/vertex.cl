@@ -5,11 +5,13 @@
 #include "base/vector.cl"
 #include "base/frame.cl"
 #include "base/mis.cl"
+#include "base/sampler.cl"
 #include "accel/geometry.cl"
 #include "accel/surface.cl"
 #include "accel/spawn.cl"
 #include "accel/relief.cl"
 #include "accel/textured.cl"
+#include "accel/blended.cl"
 #include "accel/tangent.cl"
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
@@ -80,17 +82,23 @@ static uint medium_ahead(const PathVertex *v, const float wi_z)
 }
 
 static PathVertex vertex_of(const Geometry g, global const Object *objects, global const Material *materials,
-                            const Ray ray, const Hit hit, const uint path_word, const float4 state)
+                            global const Settings *settings, const Ray ray, const Hit hit, const uint4 path,
+                            const float4 state)
 {
     PathVertex v;
     v.medium = 0u;
     v.state = state;
 #if HAS_ABSORPTION
-    v.medium = (path_word >> PATH_MEDIUM_SHIFT) & MOST_MEDIA;
+    v.medium = (path.y >> PATH_MEDIUM_SHIFT) & MOST_MEDIA;
     v.state = make4(xyz(state) * absorbed(materials, v.medium, hit.t * length3(xyz(ray.direction))), state.w);
 #endif
     v.surface = surface_of(g, ray, hit);
     v.number = objects[v.surface.object].material;
+#if HAS_BLEND
+    const Sampler sampler = sampler_of(settings->seed, path.z, path.w);
+    float end;
+    v.number = blended(g, materials, v.number, &v.surface, sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x, &end);
+#endif
     global const Material *material = materials + v.number;
 #if HAS_TEXTURED
     v.material = textured_material(g, material, &v.surface);
@@ -280,7 +288,9 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
 #if !HAS_LOCAL
     if (settings->roulette_start != 0u && edge >= settings->roulette_start) {
-        const float survival = max_of(min_of(strongest, 0.95f), 9.5367432e-7f);  // 2^-20: u has 24 bits
+        // A share that never reached 1 would let weights grow without bound where albedos exceed its root. 2^-20: u has
+        // 24 bits.
+        const float survival = max_of(min_of(strongest, 1.0f), 9.5367432e-7f);
         if (!(u.w < survival)) {
             return out;
         }

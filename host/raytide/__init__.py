@@ -16,13 +16,13 @@ from typing import Any
 
 _HOMES = {
     "raytide.scene": (
-        "Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane Plastic "
-        "Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere ThinDielectric "
-        "ThinFilm ThinLens bitmap box checkerboard directional disk instance load mesh mesh_attribute plane point rect "
-        "sky sphere spot"
+        "Blend Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane "
+        "Plastic Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere "
+        "ThinDielectric ThinFilm ThinLens bitmap box checkerboard directional disk instance load mesh "
+        "mesh_attribute plane point rect sky sphere spot"
     ),
     "raytide.device": "list_devices pick",
-    "raytide.render": "Film Renderer",
+    "raytide.render": "Checkpoints Film Renderer",
     "raytide.errors": "DeviceError ImageInvalid RaytideError SceneError UsageError",
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names.split()}

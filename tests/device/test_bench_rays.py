@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 
 from oracles_geometry import ring_sphere
 from raytide.accel import FlatGeometry
+from raytide.bench.show import rays_tables
 from raytide.cli.main import main
 from raytide.device import Device
 from raytide.kernels.records import NONE
@@ -79,15 +79,10 @@ def test_brute_force_gives_the_same_bits(device: Device) -> None:
         assert by_tree.closest(rays).tobytes() == by_force.closest(rays).tobytes(), by_tree.tree.stats.builder
 
 
-def test_bench_reports_every_set_with_clocks_hashes_and_spread(
-    device: Device, small: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "new" / "rays.json"
-    assert main(["bench", "--suite", "rays", "--quick", "--device", device.info.id, "--json", str(path)]) == 0
-    text = capsys.readouterr().out
-    result = json.loads(path.read_text())
-    assert result["schema"] == ray_suite.SCHEMA and result["device"]["id"] == device.info.id in text
-    assert result["device"]["options"] and result["device"]["probes"]
+def test_the_suite_reports_every_set_with_clocks_hashes_and_spread(device: Device, small: None) -> None:
+    result = ray_suite.run_suite(device, TINY, lambda line: None)
+    text = rays_tables(result)
+    assert result["device"]["id"] == device.info.id and result["device"]["options"] and result["device"]["probes"]
     for name, scene in result["scenes"].items():
         assert scene["status"] == "ok" and tuple(scene["sets"]) == SETS and name in text
         for one in scene["sets"].values():

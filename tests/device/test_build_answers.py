@@ -87,14 +87,15 @@ def test_every_builder_gives_the_hits_of_brute_force(device, name):
 
 
 def test_all_builders_find_all_of_a_chain_of_triangles_that_double_in_size(device):
-    """B7: 2^-66 to 2^60 m. Areas of what is 2^100 times smaller than the scene are no float32 numbers."""
+    """B7: 2^-66 to 2^60 m. Areas of what is 2^120 times smaller than the scene are no float32 numbers."""
     geometry = build_cases.chain()
-    rays, mesh, answers = rays_through(geometry, 8192), mesh_of(geometry), set()
+    rays, mesh = rays_through(geometry, 8192), mesh_of(geometry)
+    answers = {tracer(device, mesh, False).trace(rays)[0].tobytes()}
     for builder in BUILDERS:
         tree = build_tree(geometry, builder, device, "device")
         hits, _ = tracer(device, mesh, (tree.nodes, tree.blocks)).trace(rays)
         answers.add(hits.tobytes())
-        assert set(range(66 - 40, 127)) <= set(hits["prim"]), builder
+        assert set(range(66 - 58, 127)) <= set(hits["prim"]), builder
     assert len(answers) == 1
 
 

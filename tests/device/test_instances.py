@@ -9,6 +9,7 @@ import raytide as rt
 from instance_cases import PLACES, InstanceTracer, instance_corners, inverse_of, place_scene
 from oracles_geometry import rays_of
 from raytide.kernels import NONE
+from raytide.render.pack import features_of, pack
 
 SPACING = 2.0**-24
 
@@ -223,3 +224,57 @@ def test_rays_see_only_what_is_visible_to_their_kind(device: object) -> None:
             number = [thing.name for thing in tracer.flat.objects].index(hidden)
             assert number not in objects and len(np.unique(objects)) >= 4
             assert np.array_equal(met, hits["prim"] != NONE)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_what_leads_back_is_the_inverse_of_the_rounded_way_in(place: str) -> None:
+    """To a rounding; the inverse of the matrix before it was rounded is off by the condition of the matrix."""
+    scene = place_scene(place)
+    packed = pack(scene.flatten(), features_of(scene.flatten()))
+    row = packed.geometry.shapes[-1]
+    _, _, forward = inverse_of(packed, 0)
+    back = np.stack([row[axis][:3] for axis in "uvw"], axis=1)
+    assert np.array_equal(back, forward.astype(np.float32))
+
+
+@pytest.mark.parametrize("place", ["turned", "sheared", "skewed"])
+def test_error_bounds_grow_with_the_world(device: object, place: str) -> None:
+    """Places and errors of an instance 1024 times as large, about the camera, are so to the last bit."""
+    found = []
+    for scale in (1.0, 1024.0):
+        scene = place_scene(place, camera=(0, 0, 0))
+        scene[place].shape = scene[place].shape.scale(scale)
+        tracer = InstanceTracer(device, scene.flatten())
+        corners = instance_corners(tracer.packed, 0) / scale
+        target = corners[np.random.default_rng(3).integers(len(corners), size=2000)].mean(axis=1)
+        rays = rays_of(np.zeros(3, np.float32), target.astype(np.float32))
+        hits, _ = tracer.trace(rays)
+        on = hits["prim"] >= int(tracer.packed.geometry.shapes["first"][-1])
+        on &= hits["prim"] != NONE
+        surfaces = tracer.surfaces(rays, hits, rays["direction"][:, :3])
+        found.append((on, surfaces["p"][on] / np.float32(scale), surfaces["error"][on] / np.float32(scale)))
+    assert found[0][0].mean() > 0.3
+    for one, other in zip(*found, strict=True):
+        assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("place", ["sheared", "skewed", "stretched"])
+def test_rays_that_start_within_an_instance_meet_it_where_float64_says(device: object, place: str) -> None:
+    """The way into the mesh cancels: terms of its sums are up to thousands of times their sum."""
+    scene = place_scene(place)
+    del scene.objects["analytic"], scene.objects["roof"]
+    tracer = InstanceTracer(device, scene.flatten())
+    rng = np.random.default_rng(7)
+    matrix, center, forward = inverse_of(tracer.packed, 0)
+    origin = (rng.uniform(-0.3, 0.3, (20_000, 3)) @ forward.T + center).astype(np.float32)
+    direction = (rng.normal(size=(20_000, 3)) @ forward.T).astype(np.float32)
+    rays = rays_of(origin, direction)
+    hits, _ = tracer.trace(rays)
+    mesh = tracer.packed.meshes[0].geometry
+    first = int(tracer.packed.geometry.shapes["first"][-1])
+    corners = mesh.vertices[mesh.triangles[hits["prim"].astype(np.int64) - first, :3], :3].astype(np.float64)
+    start, along = (origin - center) @ matrix.T, direction.astype(np.float64) @ matrix.T
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    truth = ((corners[:, 0] - start) * normal).sum(axis=1) / (along * normal).sum(axis=1)
+    error = np.abs(hits["t"] / truth - 1) / SPACING
+    assert np.percentile(error, 95) < 4

@@ -14,7 +14,8 @@ from shading_programs import Materials, Model, numbers
 DELTA, TRANSMIT = 1, 2
 SAMPLES = 2**18
 ALL = [pytest.param(case, id=case.label) for case in CASES]
-LOBES = [pytest.param(case, id=case.label) for case in CASES if not case.delta and case.material.type != "emissive"]
+BARE = ("emissive", "blend")  # reflect nothing themselves
+LOBES = [pytest.param(case, id=case.label) for case in CASES if not case.delta and case.material.type not in BARE]
 LOSSLESS = [pytest.param(case, id=case.label) for case in CASES if case.lossless]
 
 

@@ -20,6 +20,7 @@ def shelf(side: int = 160) -> rt.Scene:
     """Every case of every material on a ball, ten in a row, before a lit wall."""
     rows = -(-len(CASES) // 10)
     scene = rt.Scene(camera=rt.Camera(origin=(9, rows - 1, 30), target=(9, rows - 1, 0), fov=38, size=(side, side)))
+    scene.materials |= {"grey": rt.Diffuse(0.5), "glass": rt.Dielectric(1.5)}  # those of the blend
     for i, case in enumerate(CASES):
         scene.add(rt.sphere((2 * (i % 10), 2 * (i // 10), 0), 0.9), case.material, name=f"ball {i}")
     scene.add(rt.rect((9, rows - 1, -3), (14, 0, 0), (0, 12, 0)), rt.Diffuse((0.5, 0.4, 0.3)), name="wall")

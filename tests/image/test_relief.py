@@ -146,6 +146,16 @@ def test_relief_without_coordinates_that_spread_keeps_the_normal(device: Device,
     np.testing.assert_allclose(normal[here], np.broadcast_to((0, 0, 1), normal[here].shape), atol=1e-7)
 
 
+def test_green_follows_v_or_stays_across_u(device: Device, tmp_path: Path) -> None:
+    """A mesh whose v runs down: green points down with it, or where it would point if v ran up."""
+    write_exr(tmp_path / "n.exr", {"beauty": np.tile(np.float32((0.5, 0.8, 0.9)), (2, 2, 1))})
+    down = square().changed(uv=np.array([(0, 1), (1, 1), (1, 0), (0, 0)], float))
+    for green, sign in (("v", -1), ("across", 1)):
+        _, normal, here = seen(device, down, file=tmp_path / "n.exr", normal_map="map", normal_green=green)
+        expected = np.array((0, sign * 0.6, 0.8)) / np.hypot(0.6, 0.8)
+        np.testing.assert_allclose(normal[here], np.broadcast_to(expected, normal[here].shape), atol=2e-6)
+
+
 def test_maps_that_cannot_work_are_told(tmp_path: Path) -> None:
     from PIL import Image
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from raytide.cli.bench import tables
+from raytide.bench.show import rays_tables
 from raytide.report.summary import geometric_mean, summarise
 
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
@@ -68,16 +68,14 @@ def test_ratios_are_to_the_mode_that_they_name(capsys: pytest.CaptureFixture[str
 
 
 def test_tables_tell_what_was_skipped_unstable_or_wrong() -> None:
-    summary = {"median": 2e7, "mad": 1e5, "unstable": True}
+    summary = {"median": 2e7, "mad": 1e5, "n": 5, "unstable": True}
     sets = {"prim": {"rays_per_s": {"host": summary, "device": summary}}}
     result = {
-        "device": {"id": "g/gpu0", "name": "g", "platform": "p", "driver": "1", "compute_units": 8, "options": ["-x"]},
-        "traversal": "single",
         "scenes": {"blob": {"status": "ok", "triangles": 5, "sets": sets},
                    "room": {"status": "skipped", "reason": "200 s were over"}},
         "scaling": {"rows": [], "fits": {}, "skipped": [{"triangles": 10_000_000, "reason": "too large"}]},
         "brute_force": {"rows": [{"triangles": 8, "force_ns": 10.0, "tree_ns": 5.0, "same_bits": False}]},
     }  # fmt: skip
-    text = tables(result)
+    text = rays_tables(result)
     assert "unstable" in text and "200 s were over" in text and "10000000 triangles left out: too large" in text
-    assert "2.00" in text and "NO" in text
+    assert "20.0 Mrays/s" in text and "NO" in text

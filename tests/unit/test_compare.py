@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from raytide.cli.main import main
 from raytide.image import write_exr
-from raytide.image.compare import ALPHA, agreement, errors_of
+from raytide.image.compare import ALPHA, agreement, errors_of, tile_probability
 
 SIZE = (45, 61, 3)
 
@@ -92,18 +93,18 @@ def test_noise_exits_0_and_a_difference_exits_4(tmp_path: Path, capsys: pytest.C
     assert main(["compare", a, b]) == 0
     out, err = capsys.readouterr()
     assert err == "" and ": agree" in out and "(e = " in out and "mean of A / mean of B: " in out
-    assert main(["compare", a, c, "--json"]) == 4
+    assert main(["compare", a, c, "--json", "-"]) == 4
     found = json.loads(capsys.readouterr().out)
     assert found["grade"] == "differ" and found["test"]["mean_ratio"][0] == pytest.approx(1 / 1.05, abs=0.01)
     assert found["notes"] == []
-    assert main(["compare", a, a, "--json"]) == 0
+    assert main(["compare", a, a, "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["grade"] == "identical"
 
 
 def test_a_reference_tells_which_is_better(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b, r = (picture(tmp_path / f"{name}.exr", seed, bias=bias) for name, seed, bias in
                (("a", 1, 1.0), ("b", 2, 1.5), ("r", 3, 1.0)))  # fmt: skip
-    assert main(["compare", a, b, "--reference", r, "--json"]) == 4
+    assert main(["compare", a, b, "--reference", r, "--json", "-"]) == 4
     found = json.loads(capsys.readouterr().out)["reference"]
     assert found["file"] == r and found["a"]["relmse"] < found["b"]["relmse"] / 5
     assert found["a"]["reference_variance_subtracted"]
@@ -112,7 +113,7 @@ def test_a_reference_tells_which_is_better(tmp_path: Path, capsys: pytest.Captur
 def test_without_variances_only_equal_pictures_agree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a = picture(tmp_path / "a.exr", 1)
     b, again = (picture(tmp_path / name, seed, variance=False) for name, seed in (("b.exr", 2), ("again.exr", 1)))
-    assert main(["compare", a, b, "--json"]) == 4
+    assert main(["compare", a, b, "--json", "-"]) == 4
     found = json.loads(capsys.readouterr().out)
     assert found["test"] is None and "b.exr" in found["notes"][0] and "a.exr" not in found["notes"][0]
     assert main(["compare", a, again]) == 0
@@ -131,10 +132,52 @@ def test_a_broken_pixel_never_agrees_and_is_counted(tmp_path: Path, capsys: pyte
     rgb[3, 4] = np.nan
     write_exr(tmp_path / "a.exr", {"beauty": rgb, "variance": variance})
     b = picture(tmp_path / "b.exr", 2)
-    assert main(["compare", str(tmp_path / "a.exr"), b, "--json"]) == 4
+    assert main(["compare", str(tmp_path / "a.exr"), b, "--json", "-"]) == 4
     found = json.loads(capsys.readouterr().out)
     assert found["a_against_b"]["nonfinite"] == 1 and found["a_against_b"]["relmse"] is None
     assert main(["compare", str(tmp_path / "a.exr"), str(tmp_path / "a.exr")]) == 4
+
+
+def test_p_values_of_noise_are_even_and_a_spot_has_its_own(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    freedom = np.full((60, 60, 1), 20.0)
+    t = rng.standard_t(20.0, (60, 60, 1))
+    p = tile_probability(t, freedom)
+    for share in (0.01, 0.1, 0.5, 0.9):
+        assert np.mean(p < share) == pytest.approx(share, abs=4 * (share * (1 - share) / p.size) ** 0.5 + 0.01 * share)
+    three = tile_probability(rng.standard_t(20.0, (60, 60, 3)), np.full((60, 60, 3), 20.0))
+    assert np.mean(three < 0.1) == pytest.approx(0.1, abs=0.025)
+    a, variance = noisy(5)
+    a[8:16, 16:24] += 0.3
+    found = agreement(a, variance, *noisy(6)).p
+    assert np.unravel_index(found.argmin(), found.shape) == (1, 2) and found.min() < 1e-4
+
+
+def test_the_tail_is_that_of_the_pixels() -> None:
+    y = np.full((100, 100, 3), 2.0)
+    x = y.copy()
+    x[:2, :60] *= 1.5  # 1.2 % of the pixels
+    x[50, 50] *= 4.0
+    found = errors_of(x, y)["tail"]
+    assert found["p99"] == pytest.approx(0.5, rel=1e-3) and found["largest"] == pytest.approx(3.0, rel=1e-3)
+
+
+def test_flip_is_a_number_or_words_that_say_how_to_get_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = picture(tmp_path / "a.exr", 1), picture(tmp_path / "b.exr", 2)
+    main(["compare", a, b])
+    out = capsys.readouterr().out
+    assert "HDR-FLIP 0." in out if find_spec("flip_evaluator") else "pip install 'raytide[flip]'" in out
+
+
+def test_a_page_and_json_are_written_where_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = picture(tmp_path / "a.exr", 1), picture(tmp_path / "b&.exr", 2, bias=1.2)
+    html, data = tmp_path / "out" / "c.html", tmp_path / "out" / "c.json"
+    assert main(["compare", a, b, "--reference", a, "--html", str(html), "--json", str(data)]) == 4
+    assert ": differ" in capsys.readouterr().out
+    found = json.loads(data.read_text())
+    assert found["grade"] == "differ" and np.array(found["test"]["p_map"]).shape == (6, 8)
+    page = html.read_text(encoding="utf-8")
+    assert '<b class="bad">differ</b>' in page and "b&amp;.exr" in page and page.count("data:image/png") == 8
 
 
 def test_black_pictures_can_be_compared(tmp_path: Path) -> None:

@@ -275,3 +275,31 @@ def test_masks_and_bump_maps_become_keys_of_the_bsdf_inside(tmp_path: Path) -> N
     see_through, rough = loaded(tmp_path, shapes).materials.values()
     assert see_through.type == "diffuse" and see_through.opacity == 0.25
     assert rough.bump_map in loaded(tmp_path, shapes).textures and rough.bump_scale == 3
+
+
+def test_blends_and_their_parts_become_materials(tmp_path: Path) -> None:
+    """Black from behind, unless inside `twosided`, is up to the parts."""
+    parts = '<bsdf type="diffuse"/><bsdf type="twosided"><bsdf type="conductor"/></bsdf>'
+    blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.2"/>{parts}</bsdf>'
+    scene = loaded(tmp_path, f'<shape type="sphere">{blend}</shape>')
+    found = scene["sphere"].material
+    assert (found.type, found.weight) == ("blend", 0.2)
+    first, second = (scene.materials[name] for name in (found.first, found.second))
+    assert (first.type, first.two_sided) == ("diffuse", False) and (second.type, second.two_sided) == ("mirror", True)
+    around = loaded(tmp_path, f'<shape type="sphere"><bsdf type="twosided">{blend}</bsdf></shape>')
+    assert all(around.materials[name].two_sided for name in around["sphere"].material.parts)
+
+
+def test_instances_show_every_shape_of_their_group(tmp_path: Path) -> None:
+    """The shapes' own places first, then the instance's; the group itself is not seen."""
+    ball = '<shape type="sphere"><point name="center" x="3" y="0" z="0"/></shape>'
+    group = f'<shape type="shapegroup" id="pair"><shape type="cube"/>{ball}</shape>'
+
+    def shown(x: float) -> str:
+        steps = f'<transform name="to_world"><scale value="2"/><translate x="{x}"/></transform>'
+        return f'<shape type="instance"><ref id="pair"/>{steps}</shape>'
+
+    flat = loaded(tmp_path, group, shown(1), shown(10)).flatten()
+    assert [(shape.kind, *shape.center) for shape in flat.shapes] == [
+        ("box", 1, 0, 0), ("sphere", 7, 0, 0), ("box", 10, 0, 0), ("sphere", 16, 0, 0)]  # fmt: skip
+    assert all(np.allclose(np.linalg.norm(shape.axes, axis=1), 2) for shape in flat.shapes)

@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import raytide.scene as rt
+from raytide.accel import build_tree
 from raytide.errors import SceneError
+from raytide.render.pack import features_of, pack
 from raytide.scene.flatten import FlatScene
 from raytide.scene.normals import smooth_normals
 from raytide.scene.shapes import Shape
@@ -245,3 +247,20 @@ def test_thin_lens_focuses_on_the_target_by_default() -> None:
     assert lens.focus_distance == 5
     lens.focus = 2
     assert lens.focus_distance == 2
+
+
+def test_what_a_file_has_that_cannot_be_used_changes_no_bit_of_the_rest(tmp_path: Path) -> None:
+    """Stability case U5: not the numbers of a vertex, and not the tree."""
+    lines = [f"v {x} {y} {z}" for x, y, z in CUBE_CORNERS * 0.3]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in CUBE_FACES]
+    bad = ["v nan 0 0", "v 0 inf 0", "v 0 0 -1e30", "f 1 2 9", "f 10 2 3", "f 3 11 4", "f 1 1 2", "f 9 9 9"]
+    trees = []
+    for name, text in (("good.obj", lines), ("bad.obj", [*lines[:8], *bad[:3], *bad[3:6], *lines[8:], *bad[6:]])):
+        (tmp_path / name).write_text("\n".join(text) + "\n")
+        flat = flat_of(rt.mesh(str(tmp_path / name)))
+        assert len(flat.triangles) == len(CUBE_FACES)
+        geometry = pack(flat, features_of(flat)).geometry
+        tree = build_tree(geometry, "sah", None)
+        corners = geometry.vertices[geometry.triangles[:, :3]]
+        trees.append((corners.tobytes(), tree.nodes.tobytes(), tree.blocks.tobytes()))
+    assert trees[0] == trees[1]

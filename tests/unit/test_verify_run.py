@@ -16,6 +16,7 @@ from raytide.cli.verify import earlier
 from raytide.errors import DeviceError, UsageError
 from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, replay, run_cases
 from raytide.verify.case import Judged, bounded, case, forbidden
+from raytide.verify.variants import contracted, variant_named, worse
 
 
 def made(measured: list[float], whole: bool = True) -> Case:
@@ -76,6 +77,28 @@ def test_cases_are_chosen_by_group_and_by_id() -> None:
         chosen_cases(case="Z9")
     with pytest.raises(ValueError, match="stands twice"):
         case("T2", "geometry", "title", "bar")(lambda lab: iter(()))
+
+
+def test_the_catalogue_is_whole() -> None:
+    """Every number of every letter, as many as the catalogue has."""
+    counts = {"S": 10, "P": 6, "T": 12, "B": 8, "U": 8, "M": 14, "Q": 10, "L": 10, "F": 9, "C": 7, "I": 10, "D": 11}
+    wanted = [f"{letter}{number}" for letter, count in counts.items() for number in range(1, count + 1)]
+    assert [one.id for one in chosen_cases()] == wanted and len(wanted) == 115
+    assert all(one.title and one.bar for one in CASES.values())
+
+
+def test_a_case_that_waits_is_skipped_and_never_holds() -> None:
+    found = judge_case(CASES["M12"], LAB)
+    assert (found.state, found.inputs) == ("skipped", 0) and "not built yet" in found.reason
+
+
+def test_worse_arithmetic_reaches_every_divisor_and_no_constant() -> None:
+    text = "float f(float a, float b) { a /= b.x; return a / (b + a / g(b)[1]) / 3.0f / TILE; } // a / b\n"
+    assert "a /= worse(b.x)" in worse(text) and "a / worse((b + a / worse(g(b)[1])))" in worse(text)
+    assert worse(text).endswith(" / 3.0f / TILE; } // a / b\n")
+    assert "#pragma OPENCL FP_CONTRACT ON" in contracted("#pragma OPENCL FP_CONTRACT OFF\n")
+    with pytest.raises(UsageError, match="flushed"):
+        variant_named("nonsense")
 
 
 def test_a_file_that_is_no_verdict_is_refused(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Boxes of primitives, in the form that all builders share.
 
 A row of eight float32: low corner, bits of the primitive id, high corner negated (so that one minimum merges two
-boxes), and one unused.
+boxes), and one for the builders' own notes.
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ class DeviceBuilder:
             local=1,
         )  # fmt: skip
         self.launch(
-            "top_partition", len(chunks), node_buffer, chunk_buffer, frames, splits, before, source, target, local=1
+            "top_partition", len(chunks), node_buffer, chunk_buffer, splits, before, source, target, local=1
         )
         left = device.read(splits, np.uint32, len(active) * 4).reshape(-1, 4)[:, 2].astype(np.int64)
         children = np.stack([active[:, 0], left, active[:, 0] + left, active[:, 1] - left], axis=1)

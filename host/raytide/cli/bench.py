@@ -1,55 +1,148 @@
-"""`raytide bench`: measure a device. Reads no configuration file, so that equal commands mean equal work."""
+"""`raytide bench`: measure devices. Reads no configuration file, so that equal commands mean equal work."""
 
 from __future__ import annotations
 
+import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
+
+from raytide.errors import DeviceError, UsageError
+
+if TYPE_CHECKING:
+    from raytide.bench.runner import Job
 
 Flag = Annotated[bool, Parameter(negative="")]
+INVALID, NO_DEVICE, FAILED, REGRESSION = 4, 3, 1, 5
+SUFFIX = ".bench.json"
+
+app = App(name="bench", help="Measure devices: a score for right pictures only.", result_action="return_value")
 
 
+@app.default
 def bench(
     *,
-    suite: Literal["rays"] = "rays",
+    suite: Literal["quick", "full", "peaks", "build", "rays", "renders"] = "quick",
     device: str | None = None,
-    json: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    csv: Path | None = None,
+    html: Path | None = None,
     quick: Flag = False,
+    workload: Annotated[list[str] | None, Parameter(negative="")] = None,
     threads: int | None = None,
     traversal: str = "single",
+    scramble: Flag = False,
+    soak: float = 0.0,
+    patience: float = 300.0,
 ) -> int:
-    """Measure how fast a device works.
+    """Measure a device, or all. Each runs in a process of its own: one that crashes or hangs is a result.
 
     Parameters
     ----------
     suite
-        What to measure. rays: rays a second in three scenes, cost against scene size, brute force against the tree.
+        quick: everything, small, at most three minutes on two cores; full: at most twelve. peaks: arithmetic,
+        bandwidth, launches. build: trees. rays: fixed sets of rays. renders: six pictures, verified, then timed.
     device
-        Part of a device id.
-    json
-        Write all figures, raw values included, to this file.
+        Part of a device id, or all.
+    output
+        Write the result here, by custom as NAME.bench.json. With several devices each has a file of its own.
+    csv
+        Write one row for each measurement to this file.
+    html
+        Write a page for people to this file: works offline, tables sort.
     quick
-        Fewer rays and repetitions: under a minute instead of a few.
+        The sizes of suite quick for another suite.
+    workload
+        Only this workload of suite renders; may be repeated. No score then.
     threads
         Threads of a CPU device.
     traversal
-        How rays are traced.
+        How suite rays traces them.
+    scramble
+        Permute triangles and workloads: rates should not change. Never scored.
+    soak
+        Seconds for which every workload is repeated after its timing, to see whether the device slows down.
+    patience
+        Seconds without a word from a driver after which it is ended.
     """
+    jobs = jobs_of(suite, device, quick, workload, threads, traversal, scramble, soak, patience)
+    return measure(jobs, output, csv, html)
+
+
+def measure(jobs: Sequence[Job], output: Path | None, csv: Path | None, html: Path | None) -> int:
+    """Runs the jobs, shows and writes what they found; gives the exit code of the worst."""
+    from raytide.bench.runner import run_job
     from raytide.cli.options import check_outputs
-    from raytide.device import open_device
-    from raytide.report.ray_suite import FULL, QUICK, run_suite
 
-    check_outputs([], [json], no_clobber=False)
-    with open_device(device, threads=threads) as opened:
-        result = run_suite(opened, QUICK if quick else FULL, say, traversal)
-    print(tables(result))
-    if json:
-        import json as text
+    check_outputs([], [output, csv, html], no_clobber=False)
+    results = []
+    for job in jobs:
+        say(f"{job.device}: suite {job.suite}")
+        results.append(run_job(job, say, sys.argv[1:]))
+        show(results[-1])
+        if output:
+            write(output if len(jobs) == 1 else beside(output, job.device), results[-1])
+    if csv:
+        write_csv(csv, results)
+    if html:
+        write_html(html, results)
+    return max(map(exit_code, results), key=(0, FAILED, NO_DEVICE, INVALID).index)
 
-        json.write_text(text.dumps(result, indent=1) + "\n", encoding="utf-8")
-    return 0 if result["brute_force"]["same_bits"] else 1
+
+def jobs_of(
+    suite: str, device: str | None, quick: bool, workload: Sequence[str] | None, threads: int | None, traversal: str,
+    scramble: bool, soak: float, patience: float,
+) -> list[Job]:
+    """One for each device. Raises UsageError and DeviceError before anything runs."""
+    import secrets
+
+    from raytide.bench.runner import Job
+    from raytide.bench.workloads import WORKLOADS
+    from raytide.errors import list_words, nearest
+    from raytide.report.ray_tracer import TRAVERSALS
+
+    for name in workload or ():
+        if name not in WORKLOADS:
+            hint = nearest(name, list(WORKLOADS))
+            wanted = list_words(list(WORKLOADS)) + (f"; {hint}" if hint else "")
+            raise UsageError(f"workload: came {name!r}; wanted {wanted}")
+    if traversal not in TRAVERSALS:
+        raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
+    for key, value, least in (("patience", patience, 1.0), ("soak", soak, 0.0), ("threads", threads or 1, 1)):
+        if not least <= value < 1e6:
+            raise UsageError(f"{key}: came {value:g}; wanted a number from {least:g} on")
+    seed = secrets.randbits(30) if scramble else None
+    return [Job(name, suite, quick, threads, tuple(workload or ()), seed, soak, patience, traversal)
+            for name in device_ids(device)]  # fmt: skip
+
+
+def device_ids(wanted: str | None) -> list[str]:
+    """Ids of the devices to measure; no driver is loaded in this process. Checking tools only where they are named."""
+    from raytide.device import choose, devices_in_child
+
+    found = devices_in_child()
+    if wanted == "all":
+        ids = [one.id for one in found if not one.id.startswith("oclgrind")]
+        if not ids:
+            choose(found, [])
+            raise DeviceError("no device but a checking tool was found; name it with --device")
+        return ids
+    override = os.environ.get("RAYTIDE_DEVICE")
+    wishes = [override] if override else [wanted] if wanted else []
+    return [choose(found, wishes, from_environment=bool(override)).id]
+
+
+def exit_code(result: dict[str, Any]) -> int:
+    """4 where anything was wrong, 3 where the device did nothing, 1 where a part of it failed."""
+    from raytide.bench.runner import statuses
+
+    found = set(statuses(result).values())
+    if "invalid" in found:
+        return INVALID
+    return 0 if "error" not in found else NO_DEVICE if found == {"error"} else FAILED
 
 
 def say(line: str) -> None:
@@ -57,74 +150,149 @@ def say(line: str) -> None:
     print(f"raytide: {line}", file=sys.stderr, flush=True)
 
 
-def tables(result: dict[str, Any]) -> str:
-    """Everything for people to read."""
-    device = result["device"]
-    parts = [
-        f"{device['id']}: {device['name']}, {device['platform']} {device['driver']}, {device['compute_units']} units",
-        f"traversal {result['traversal']}, options {' '.join(device['options'])}",
-        rates_table(result["scenes"]),
-        scaling_table(result["scaling"]),
-        force_table(result["brute_force"]),
-    ]
-    return "\n\n".join(parts)
+def show(result: dict[str, Any]) -> None:
+    from raytide.bench.show import tables
+
+    print(tables(result), flush=True)
 
 
-def rates_table(scenes: dict[str, Any]) -> str:
-    """Mrays/s of every scene and set."""
-    head = ["SCENE", "TRIANGLES", "RAYS", "MRAYS/S", "+-", "DEVICE CLOCK", "PROCESSOR TIME", ""]
-    rows = []
-    for name, scene in scenes.items():
-        if scene["status"] != "ok":
-            rows.append([name, scene["status"], scene["reason"], "", "", "", "", ""])
-            continue
-        for rays, one in scene["sets"].items():
-            rates = one["rays_per_s"]
-            host = rates["host"]
-            rows.append([name, str(scene["triangles"]), rays, mega(host["median"]), mega(host["mad"]),
-                         mega(rates["device"]["median"]),
-                         mega(rates["processor"]["median"]) if "processor" in rates else "",
-                         "unstable" if host["unstable"] else ""])  # fmt: skip
-    return aligned(head, rows)
+def beside(output: Path, device: str) -> Path:
+    """NAME.DEVICE.bench.json for NAME.bench.json."""
+    name = output.name.removesuffix(SUFFIX) if output.name.endswith(SUFFIX) else output.stem
+    return output.with_name(f"{name}.{device.replace('/', '-')}{SUFFIX}")
 
 
-def mega(value: float) -> str:
-    """Millions with three digits or so."""
-    return f"{value / 1e6:.{2 if value < 1e7 else 1}f}"
+def write(path: Path, result: dict[str, Any]) -> None:
+    """The file appears only when it is complete."""
+    import json
+
+    from raytide.image import replacing
+
+    with replacing(path) as draft:
+        draft.write(json.dumps(result, indent=1).encode() + b"\n")
+    say(f"wrote {path}")
 
 
-def scaling_table(scaling: dict[str, Any]) -> str:
-    """Cost a ray against the number of triangles."""
-    head = ["TERRAIN", "PRIMARY NS/RAY", "DIFFUSE NS/RAY", "BUILD S", "BYTES/TRIANGLE", "DEPTH"]
-    rows = [
-        [str(row["triangles"]), f"{row['primt_ns']:.1f}", f"{row['difft_ns']:.1f}", f"{row['build_s']:.3f}",
-         f"{row['bytes_per_triangle']:.0f}", str(row["depth"])]
-        for row in scaling["rows"]
-    ]  # fmt: skip
-    lines = [aligned(head, rows)]
-    for name, fit in scaling["fits"].items():
-        lines.append(f"{name}: {fit['ns_a_doubling']:+.1f} ns a doubling; grows like N^{fit['exponent']:.2f}")
-    lines += [f"{one['triangles']} triangles left out: {one['reason']}" for one in scaling["skipped"]]
-    return "\n".join(lines)
+def write_csv(path: Path, results: Sequence[dict[str, Any]]) -> None:
+    from raytide.bench.show import csv_text
+
+    texts = [csv_text(result) for result in results]
+    path.write_text(texts[0] + "".join(text.partition("\n")[2] for text in texts[1:]), encoding="utf-8")
+    say(f"wrote {path}")
 
 
-def force_table(force: dict[str, Any]) -> str:
-    """Brute force against the tree."""
-    head = ["TERRAIN", "BRUTE FORCE NS/RAY", "TREE NS/RAY", "TREE IS FASTER BY", "SAME BITS"]
-    rows = [
-        [str(row["triangles"]), f"{row['force_ns']:.1f}", f"{row['tree_ns']:.1f}",
-         f"{row['force_ns'] / row['tree_ns']:.2f}", "yes" if row["same_bits"] else "NO"]
-        for row in force["rows"]
-    ]  # fmt: skip
-    return aligned(head, rows)
+def write_html(path: Path, results: Sequence[dict[str, Any]]) -> None:
+    from raytide.bench.report import result_page, summary_page
+    from raytide.report.page import write_page
+
+    write_page(path, result_page(results[0]) if len(results) == 1 else summary_page(results))
+    say(f"wrote {path}")
 
 
-def aligned(head: list[str], rows: list[list[str]]) -> str:
-    """Columns: the first to the left, the others to the right."""
-    table = [head, *rows]
-    widths = [max(len(row[column]) for row in table) for column in range(len(head))]
-    lines = []
-    for row in table:
-        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
+@app.command
+def schema() -> int:
+    """Print the JSON schema of result files."""
+    import json
+
+    from raytide.bench.model import json_schema
+
+    print(json.dumps(json_schema(), indent=1))
+    return 0
+
+
+@app.command(name="show")
+def show_file(file: Path, /, *, csv: Flag = False, html: Path | None = None) -> int:
+    """Print a result file as tables, or as CSV.
+
+    Parameters
+    ----------
+    file
+        What `raytide bench -o` wrote.
+    csv
+        One row for each measurement.
+    html
+        Write a page for people to this file instead.
+    """
+    from raytide.bench.files import load_result
+    from raytide.bench.show import csv_text, tables
+
+    result = load_result(file)
+    if html:
+        write_html(html, [result])
+        return exit_code(result)
+    print(csv_text(result) if csv else tables(result), end="" if csv else "\n")
+    return exit_code(result)
+
+
+@app.command
+def compare(
+    *files: Path, fail_above: str | None = None, html: Path | None = None, force: Flag = False
+) -> int:
+    """Compare result files with the first of them: what differs around them, then ratios with intervals.
+
+    Exit code 5 with --fail-above where a measurement became worse by more than that, and by more than noise.
+
+    Parameters
+    ----------
+    files
+        Two or more result files.
+    fail_above
+        Share such as 5%.
+    html
+        Write a page for people to this file too.
+    force
+        Compare results of other suites, classes or kernels nevertheless.
+    """
+    from raytide.bench import compare as comparing
+    from raytide.bench.files import load_result
+    from raytide.cli.options import check_outputs
+
+    if len(files) < 2:
+        raise UsageError(f"compare: came {len(files)} files; wanted two or more that `raytide bench -o` wrote")
+    share = comparing.share_of(fail_above) if fail_above else None
+    check_outputs([], [html], no_clobber=False)
+    first, *others = [load_result(file) for file in files]
+    names = [file.name.removesuffix(SUFFIX) for file in files]
+    found = [comparing.compare(first, other, force) for other in others]
+    worse = []
+    for name, one in zip(names[1:], found, strict=True):
+        print(comparing.comparison_text((names[0], name), one))
+        worse += [f"{name}: {row.part} {row.name} {row.ratio:.3f}" for row in one.regressions(share)] if share else []
+    if html:
+        from raytide.bench.report import comparison_page
+        from raytide.report.page import write_page
+
+        write_page(html, comparison_page(names, found))
+        say(f"wrote {html}")
+    for line in worse:
+        say(f"worse: {line}")
+    return REGRESSION if worse else 0
+
+
+@app.command
+def summary(folder: Path, /, *, html: Path | None = None) -> int:
+    """Summarise a folder of result files as one table, and as one page that sorts and works offline.
+
+    Parameters
+    ----------
+    folder
+        Where the files *.bench.json are.
+    html
+        Write the page to this file too.
+    """
+    from raytide.bench.files import load_result
+    from raytide.bench.report import summary_markdown, summary_page
+    from raytide.cli.options import check_outputs
+
+    files = sorted(folder.glob(f"*{SUFFIX}"))
+    if not files:
+        raise UsageError(f"{folder}: came no file *{SUFFIX}; wanted a folder with results of `raytide bench -o`")
+    check_outputs([], [html], no_clobber=False)
+    results = [load_result(file) for file in files]
+    print(summary_markdown(results))
+    if html:
+        from raytide.report.page import write_page
+
+        write_page(html, summary_page(results))
+        say(f"wrote {html}")
+    return 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as text
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 DIFFER = 4
+NO_FLIP = "no HDR-FLIP (pip install 'raytide[flip]')"
 
 
 def compare(
@@ -24,7 +24,8 @@ def compare(
     /,
     *,
     reference: Path | None = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[Path | None, Parameter(allow_leading_hyphen=True)] = None,
+    html: Path | None = None,
 ) -> int:
     """Compare two pictures of one scene. Exit 0: they agree; 4: they differ; 2: they cannot be compared.
 
@@ -40,14 +41,28 @@ def compare(
     reference
         A converged picture: the errors of both against it are shown too.
     json
-        Print JSON.
+        Write everything, the map of p values included, to this file; - for stdout.
+    html
+        Write a page with both pictures under a slider, their difference and the map of p values.
     """
+    from raytide.cli.options import check_outputs
+    from raytide.report.files import finite, write_text
+
+    to_stdout = json is not None and str(json) == "-"
+    check_outputs([], [html, None if to_stdout else json], no_clobber=False)
     pictures = [read(path) for path in (a, b, *([reference] if reference else []))]
     for other in pictures[1:]:
         if other.rgb.shape != pictures[0].rgb.shape:
             raise UsageError(f"{other.path}: came {other.size}; wanted {pictures[0].size}, the size of {a}")
     result = compared(*pictures)
-    print(text.dumps(finite(result), indent=2, allow_nan=False) if json else lines(result))
+    written = text.dumps(finite(result), indent=2, allow_nan=False)
+    if json is not None and not to_stdout:
+        write_text(json, written + "\n")
+    if html is not None:
+        from raytide.report.compare_page import document
+
+        write_text(html, document(result, pictures))
+    print(written if to_stdout else lines(result))
     return 0 if result["grade"] in ("identical", "agree") else DIFFER
 
 
@@ -121,15 +136,6 @@ def against(reference: Picture, a: Picture, b: Picture) -> dict[str, Any]:
     return {"file": str(reference.path), "a": errors[0], "b": errors[1]}
 
 
-def finite(value: Any) -> Any:
-    """For JSON, which has no infinity: null in its place."""
-    if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def lines(result: dict[str, Any]) -> str:
     """The same for people."""
     out = [f"{result['a']} and {result['b']}: {result['grade']}", *error_lines("A against B", result["a_against_b"])]
@@ -151,4 +157,8 @@ def error_lines(name: str, errors: dict[str, Any]) -> list[str]:
     """One line of errors, one more for broken pixels."""
     line = f"{name}: MSE {errors['mse']:.4g}, relMSE {errors['relmse']:.4g} (e = {errors['e']:.4g}), "
     line += f"error {100 * errors['error']:.3g} %, SMAPE {errors['smape']:.4g}"
-    return [line] + ([f"  {errors['nonfinite']} pixels are not finite"] if errors["nonfinite"] else [])
+    tail, flip = errors["tail"], errors["flip"]
+    more = f"  99.9 % of the pixels are within {100 * tail['p99.9']:.3g} %, "
+    more += f"the worst is off by {100 * tail['largest']:.3g} %; "
+    more += NO_FLIP if flip is None else f"HDR-FLIP {flip:.4g}"
+    return [line, more] + ([f"  {errors['nonfinite']} pixels are not finite"] if errors["nonfinite"] else [])

@@ -21,12 +21,16 @@ if TYPE_CHECKING:
 # name: where the function or App is, and its line in the help
 COMMANDS = {
     "render": ("raytide.cli.render:render", "Render a scene file to EXR or PNG."),
+    "resume": ("raytide.cli.resume:resume", "Go on with a render from its checkpoint."),
     "scene": ("raytide.cli.scene:app", "Check, describe and convert scene files."),
     "compare": ("raytide.cli.compare:compare", "Compare two pictures: errors, and whether they differ beyond noise."),
+    "reference": ("raytide.cli.reference:reference", "Render a converged picture that knows its own variance."),
+    "converge": ("raytide.cli.converge:converge", "Measure error against time and samples."),
+    "audit": ("raytide.cli.audit:audit", "Count how often the error bands of renders hold."),
     "devices": ("raytide.cli.devices:devices", "List the OpenCL devices."),
     "doctor": ("raytide.cli.doctor:doctor", "Check drivers, devices and caches, and tell what mends them."),
     "verify": ("raytide.cli.verify:verify", "Try numerically hard cases on a device."),
-    "bench": ("raytide.cli.bench:bench", "Measure how fast a device traces rays."),
+    "bench": ("raytide.cli.bench:app", "Measure devices: a score for right pictures only."),
     "cache": ("raytide.cli.cache:app", "Show or clear the kernel cache."),
 }
 INTERRUPTED = 130

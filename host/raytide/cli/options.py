@@ -19,6 +19,18 @@ Defines = Annotated[
     list[str] | None,
     Parameter(name=["--define", "-D"], negative="", help="name=value of a Mitsuba scene's parameter; may be repeated"),
 ]
+Outputs = Annotated[
+    list[Path] | None, Parameter(name=["--output", "-o"], negative="", help=".exr or .png; may be repeated")
+]
+Changes = Annotated[
+    list[str] | None, Parameter(name="--set", negative="", help="key.path=value put over the scene; may be repeated")
+]
+Kept = Annotated[
+    Path | None, Parameter(help="keep the render in this file as it goes on; `raytide resume FILE` goes on from it")
+]
+Every = Annotated[
+    str | None, Parameter(help="time between checkpoints, such as 30s; default: 60s, and at most 1 % of the time")
+]
 SUFFIXES = (".exr", ".png")
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30}
 
@@ -58,6 +70,21 @@ def bytes_of(text: str) -> int | None:
     """`512M` in bytes (K, M and G are powers of 1024), or None if it is no such thing."""
     found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)\s*([KMG]?)(?:i?B)?", text.strip(), re.IGNORECASE)
     return int(float(found[1]) * UNITS[found[2].upper()]) if found else None
+
+
+def seconds_of(option: str, text: str | None) -> float | None:
+    """`90`, `30s` or `4min` in seconds. Raises UsageError, which names `option`, for other text and for nothing."""
+    if text is None:
+        return None
+    from raytide.scene.values import as_seconds
+
+    try:
+        seconds = as_seconds(float(text) if re.fullmatch(r"[0-9.]+", text) else text)
+    except ValueError:
+        seconds = 0.0
+    if seconds > 0:
+        return seconds
+    raise UsageError(f"{option}: came {text!r}; wanted a time above 0, such as 30s or 4min")
 
 
 def defines_of(words: Sequence[str] | None) -> dict[str, str]:

@@ -2,59 +2,37 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
-import shlex
 import sys
 import time
 from contextlib import closing
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from raytide.cli import COMMAND_WORDS
 from raytide.cli.config import HOST, Settings, environment, gather
-from raytide.cli.options import Defines, check_outputs, defines_of, with_render_keys
+from raytide.cli.job import Job, checkpoints_of
+from raytide.cli.options import (
+    Changes,
+    Defines,
+    Every,
+    Kept,
+    Outputs,
+    check_outputs,
+    defines_of,
+    seconds_of,
+    with_render_keys,
+)
+from raytide.cli.outputs import check_health, save, summary, write_report, write_trace
 from raytide.cli.progress import Progress, progress_for, set_up_logging
-from raytide.cli.progress_text import percent
 from raytide.cli.signals import SIGNALS, Interrupted, StopOnSignal
-from raytide.errors import ImageInvalid, UsageError
+from raytide.errors import RaytideError, UsageError
 
 if TYPE_CHECKING:
-    from raytide.render import Film, Renderer
+    from raytide.render import Checkpoints, Film, Renderer
     from raytide.scene.scene import Scene
-
-TRACE = ("wall_s", "device_s", "spp", "rays", "relmse", "relmse_low", "relmse_high")
-MOST_EXCLUDED = 1e-4  # share of samples that may be left out as non-finite or negative before the picture is invalid
-
-
-@dataclass
-class Job:
-    """What one render was asked for, and the seconds that the command itself spent."""
-
-    scene: Path
-    outputs: list[Path]
-    report: Path | None
-    trace: Path | None
-    overrides: list[str]
-    defines: dict[str, str]
-    allow_outside: bool
-    coherence: bool
-    everything: bool
-    traversal: str
-    half: bool
-    exposure: float
-    no_clobber: bool
-    quiet: bool
-    log_json: bool
-    times: dict[str, float] = field(default_factory=dict)
-
-    def timed(self, stage: str, begun: float) -> None:
-        """Note a stage that began at `begun` (perf_counter) and ends now."""
-        self.times[stage] = self.times.get(stage, 0.0) + time.perf_counter() - begun
 
 
 @with_render_keys
@@ -62,20 +40,17 @@ def render(
     scene: Annotated[Path, Parameter(help="scene file: .toml, .json, or Mitsuba 3 .xml")],
     /,
     *,
-    output: Annotated[
-        list[Path] | None, Parameter(name=["--output", "-o"], negative="", help=".exr or .png; may be repeated")
-    ] = None,
+    output: Outputs = None,
     size: Annotated[str | None, Parameter(help="picture size, such as 640x360; default: the scene's")] = None,
     device: Annotated[str | None, Parameter(help=f"{HOST['device']}; `raytide devices` lists them")] = None,
     threads: Annotated[str | None, Parameter(help=f"of a CPU device: {HOST['threads']}; default: all")] = None,
     memory: Annotated[str | None, Parameter(help=f"{HOST['memory']}; default: by the device")] = None,
-    changes: Annotated[
-        list[str] | None,
-        Parameter(name="--set", negative="", help="key.path=value put over the scene; may be repeated"),
-    ] = None,
+    changes: Changes = None,
     define: Defines = None,
     report: Annotated[Path | None, Parameter(help="write times, rates, memory and what was left out, as JSON")] = None,
     trace: Annotated[Path | None, Parameter(help="write time, samples, rays and error after each pass, as CSV")] = None,
+    checkpoint: Kept = None,
+    every: Every = None,
     coherence: Annotated[
         bool, Parameter(negative="", help="measure how coherent each wave's rays are, into --report")
     ] = False,
@@ -101,12 +76,13 @@ def render(
     outputs = output or []
     check_request(outputs, report, explain=explain, coherence=coherence)
     check_outputs(outputs, [report, trace], no_clobber)
+    check_checkpoint(checkpoint, every)
     settings = gather({**keys, "size": size, "device": device, "threads": threads, "memory": memory}, environment())
     for warning in settings.warnings:
         logger.warning(warning)
     job = Job(
         scene, outputs, report, trace, changes or [], defines_of(define), allow_outside, coherence, everything,
-        traversal, half, exposure, no_clobber, quiet, log_json,
+        traversal, half, exposure, no_clobber, quiet, log_json, checkpoint, seconds_of("--every", every),
     )  # fmt: skip
     job.times["start"] = process_age()
     with StopOnSignal() as signals:
@@ -116,8 +92,13 @@ def render(
                 show_explanation(loaded, settings, job)
             return render_scene(job, loaded, settings, signals) if outputs else 0
         except Interrupted:
-            print(f"raytide: {SIGNALS[signals.number or 2]}; nothing was written", file=sys.stderr)
-            return signals.exit_code
+            return nothing_written(signals)
+
+
+def nothing_written(signals: StopOnSignal) -> int:
+    """A signal came before there was a picture; the exit code."""
+    print(f"raytide: {SIGNALS[signals.number or 2]}; nothing was written", file=sys.stderr)
+    return signals.exit_code
 
 
 def check_request(outputs: list[Path], report: Path | None, *, explain: bool, coherence: bool) -> None:
@@ -126,6 +107,13 @@ def check_request(outputs: list[Path], report: Path | None, *, explain: bool, co
         raise UsageError("no output: give at least one -o FILE.exr or -o FILE.png")
     if coherence and report is None:
         raise UsageError("--coherence: came without --report; wanted a file for its figures")
+
+
+def check_checkpoint(checkpoint: Path | None, every: str | None) -> None:
+    """Refuse a place where no checkpoint can be. Raises UsageError."""
+    if every and not checkpoint:
+        raise UsageError("--every: came without --checkpoint; wanted a file to write to")
+    check_outputs([], [checkpoint], False)
 
 
 def load_scene(job: Job, settings: Settings) -> Scene:
@@ -167,7 +155,10 @@ def render_scene(job: Job, scene: Scene, settings: Settings, signals: StopOnSign
         signals.attach(renderer.stop, progress.say)
         for warning in renderer.flat.warnings:
             logging.getLogger("raytide.scene").warning(warning)
-        film = last_film(job, renderer, progress)
+        if job.resumed:
+            renderer.resume(job.resumed)
+        checkpoints = checkpoints_of(job, settings)
+        film = last_film(job, renderer, progress, checkpoints)
         progress.close()
         if not has_picture(film):
             why = " by time" if renderer.stopped_by == "time" else ""
@@ -182,6 +173,8 @@ def render_scene(job: Job, scene: Scene, settings: Settings, signals: StopOnSign
             print(summary(scene, film, signals, renderer.stopped_by, job.log_json), file=sys.stderr)
         print(*job.outputs, sep="\n", flush=True)
         check_health(renderer, film)
+        if checkpoints and checkpoints.failed:
+            raise RaytideError(f"{checkpoints.failed}; the picture was written")
     return signals.exit_code
 
 
@@ -199,9 +192,9 @@ def open_renderer(job: Job, scene: Scene, settings: Settings) -> Renderer:
     )  # fmt: skip
 
 
-def last_film(job: Job, renderer: Renderer, progress: Progress) -> Film:
+def last_film(job: Job, renderer: Renderer, progress: Progress, checkpoints: Checkpoints | None) -> Film:
     """Run all passes, showing each."""
-    for _ in renderer.passes(watch=not job.quiet or bool(job.trace or job.report)):
+    for _ in renderer.passes(watch=not job.quiet or bool(job.trace or job.report), checkpoints=checkpoints):
         progress.show(renderer.status)
     return renderer.film
 
@@ -209,76 +202,6 @@ def last_film(job: Job, renderer: Renderer, progress: Progress) -> Film:
 def has_picture(film: Film) -> bool:
     """Whether any pixel has a sample: a pass that was stopped counts none as finished, but may have some."""
     return film.spp > 0 or bool(film.samples.any())
-
-
-def save(job: Job, film: Film) -> None:
-    """Write every output file."""
-    from raytide.render.film import LAYERS
-
-    begun = time.perf_counter()
-    for path in job.outputs:
-        film.save(path, aovs=LAYERS, half=job.half, exposure=job.exposure, no_clobber=job.no_clobber)
-    job.timed("write", begun)
-
-
-def write_report(job: Job, renderer: Renderer) -> None:
-    """The renderer's report with the command and its own times, as JSON."""
-    from raytide.image import replacing
-
-    assert job.report is not None
-    report = renderer.report()
-    report["times_s"] = {**job.times, **report.get("times_s", {})}
-    if job.coherence:
-        from raytide.render.coherence import measure_coherence
-
-        report["coherence"] = measure_coherence(renderer)
-    report["command"] = shlex.join(["raytide", *COMMAND_WORDS.get()])
-    report["outputs"] = [str(path) for path in job.outputs]
-    with replacing(job.report, no_clobber=job.no_clobber) as file:
-        file.write(json.dumps(report, indent=2).encode() + b"\n")
-
-
-def write_trace(job: Job, path: Path, renderer: Renderer) -> None:
-    """The series of passes as CSV: a head, then a line a pass; a field that is not known is empty."""
-    from raytide.image import replacing
-
-    rows = renderer.report()["series"]
-    lines = [",".join(TRACE), *(",".join(field_words(row[key]) for key in TRACE) for row in rows)]
-    with replacing(path, no_clobber=job.no_clobber) as file:
-        file.write("\n".join(lines).encode() + b"\n")
-
-
-def field_words(value: float | None) -> str:
-    """A number of a CSV file."""
-    return "" if value is None else repr(value)
-
-
-def summary(scene: Scene, film: Film, signals: StopOnSignal, stopped_by: str | None, as_json: bool) -> str:
-    """`raytide: 256x256, 64 spp in 3.21 s, 12.3 Mrays/s, estimated error 2.8 %, ended by spp on pocl-3.0rc2/cpu0`."""
-    stats = film.stats
-    if as_json:
-        named = ("spp", "seconds", "rays", "mrays_per_s", "error", "device")
-        row = {key: stats.get(key) for key in named} | {"size": scene.camera.size, "partial": bool(signals.number)}
-        return json.dumps({"event": "done"} | row | {"stopped_by": stopped_by})
-    width, height = scene.camera.size
-    parts = [f"{width}x{height}", f"{film.spp} spp in {stats.get('seconds', 0.0):.2f} s"]
-    parts.append(f"{stats.get('mrays_per_s', 0.0):.1f} Mrays/s")
-    known = film.error
-    parts.append(f"estimated error {percent(known.error)}" if known else "error unknown (4 spp and more tell it)")
-    parts.append(f"ended by {stopped_by}")
-    partial = f" (partial: {SIGNALS[signals.number]})" if signals.number else ""
-    return f"raytide: {', '.join(parts)} on {stats.get('device', 'an unnamed device')}{partial}"
-
-
-def check_health(renderer: Renderer, film: Film) -> None:
-    """Refuse to call a picture good when too many of its samples had to be left out. Raises ImageInvalid."""
-    excluded = sum(renderer.health().values())
-    total = excluded + int(film.samples.sum())
-    if excluded > MOST_EXCLUDED * total:
-        raise ImageInvalid(
-            f"{excluded} of {total} samples were non-finite or negative and were left out; "
-            f"the picture was written but must not be trusted (limit {MOST_EXCLUDED:.0e} of the samples)"
-        )
 
 
 def process_age() -> float:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Flag = Annotated[bool, Parameter(negative="")]
 SHORT = 4
+MOST_FIGURES = 24  # of a case that falls short; where it has more, those of the trials that do
 
 
 def verify(
@@ -101,11 +102,13 @@ def conclude(verdicts: Sequence[Verdict]) -> int:
 
 def say(one: Verdict) -> None:
     """One case for people, as it ends."""
-    figures = ", ".join(f"{name} {value}" for name, value in one.figures.items())
+    shown = list(one.figures.items())
+    shown = [(name, value) for name, value in shown if len(shown) <= MOST_FIGURES or name.split(": ")[0] in one.reason]
+    figures = ", ".join(f"{name} {value}" for name, value in shown)
     print(f"[{one.state:^11}] {one.id:4} {one.title}: {one.excess:.2g} of the bar in {one.inputs} inputs, "
           f"{one.seconds:.1f} s", flush=True)  # fmt: skip
     if one.state != "holds":
-        lines = [f"bar: {one.bar}", f"found: {figures}"] + ([one.reason] if one.reason else [])
+        lines = [f"bar: {one.bar}"] + [f"found: {figures}"] * bool(figures) + [one.reason] * bool(one.reason)
         print("\n".join(f"{'':15}{line}" for line in lines), flush=True)
 
 

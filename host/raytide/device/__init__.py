@@ -2,9 +2,11 @@
 
 from raytide.device.build import Program
 from raytide.device.device import Device, open_device
-from raytide.device.environment import cache_dir
+from raytide.device.driver_files import driver_files
+from raytide.device.environment import cache_dir, code_variables, driver_variables
+from raytide.device.examine import devices_in_child
 from raytide.device.failure import BuildFailure, OpenCLFailure
-from raytide.device.find import list_devices, list_platforms, pick
+from raytide.device.find import choose, list_devices, list_platforms, pick
 from raytide.device.info import DeviceInfo, PlatformInfo
 from raytide.device.memory import Buffer
 from raytide.device.probe import ProbeResult
@@ -19,6 +21,11 @@ __all__ = [
     "ProbeResult",
     "Program",
     "cache_dir",
+    "choose",
+    "code_variables",
+    "devices_in_child",
+    "driver_files",
+    "driver_variables",
     "list_devices",
     "list_platforms",
     "open_device",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from raytide.device.cache import FileCache
 from raytide.device.compile import binary_key, compile_text, load_binary
+from raytide.device.environment import opencl
 from raytide.device.info import DeviceInfo
 
 if TYPE_CHECKING:
@@ -41,6 +42,12 @@ class Program:
     log: str = ""
     first_launch_s: float = 0.0  # host time of the first launch of each kernel beyond its device time
     kernels: dict[str, Any] = field(default_factory=dict, repr=False)
+    compiled_s: float = 0.0  # what compiling took, also where it came from the cache
+
+    @property
+    def binary_bytes(self) -> int:
+        """Size of the binary that the driver made."""
+        return sum(self.raw.get_info(opencl().program_info.BINARY_SIZES))
 
 
 Progress = Callable[[Program], None]
@@ -89,7 +96,9 @@ class Builder:
         if raw is None:
             self._cache.drop(key)
             return None
-        return Program(name, source.sha256, raw, time.perf_counter() - start, "hit", entry.facts.get("log", ""))
+        seconds, facts = time.perf_counter() - start, entry.facts
+        return Program(name, source.sha256, raw, seconds, "hit", facts.get("log", ""),
+                       compiled_s=facts.get("build_s", 0.0))  # fmt: skip
 
     def _compile_all(self, sources: Mapping[str, SourceLike]) -> Iterator[Program]:
         """Compile the longest texts first, each in a thread of its own that waits for a child or the driver."""
@@ -126,7 +135,7 @@ class Builder:
             )
         facts = {"name": name, "device": self._info.id, "log": done.log, "build_s": round(done.build_s, 4)}
         self._cache.put(binary_key(self._info, self._options, source.sha256), facts, done.binary)
-        return Program(name, source.sha256, raw, done.build_s, "miss", done.log)
+        return Program(name, source.sha256, raw, done.build_s, "miss", done.log, compiled_s=done.build_s)
 
 
 def _in_children(info: DeviceInfo) -> bool:

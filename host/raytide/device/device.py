@@ -36,10 +36,13 @@ class Device:
     A probe that finds record layouts or NaN tests broken makes build() raise DeviceError: results could not be trusted.
     """
 
-    def __init__(self, cl: Any, info: DeviceInfo, threads: int | None = None) -> None:
+    def __init__(
+        self, cl: Any, info: DeviceInfo, threads: int | None = None, options: Sequence[str] = ()
+    ) -> None:
+        """`options` go to the compiler beside those of every build; only checks of the arithmetic use them."""
         self._cl = cl
         self.info = info
-        self.options = build_options(info)
+        self.options = (*build_options(info), *options)
         try:
             handle = cl.get_platforms()[info.place[0]].get_devices()[info.place[1]]
             handle = _limited(cl, handle, info, threads)

@@ -12,7 +12,10 @@ import sys
 import tempfile
 from typing import Any
 
+from raytide.device.find import rank
+from raytide.device.info import DeviceInfo
 from raytide.device.worker import child_command
+from raytide.errors import DeviceError
 
 _LIST_LIMIT_S = 60.0
 _DEVICE_LIMIT_S = 180.0
@@ -33,6 +36,16 @@ def list_in_child(icd_file: str | None) -> tuple[list[dict[str, Any]], str | Non
     """The platforms that a fresh process finds, with one .icd file alone if told; and why there is no answer."""
     answer, problem = _ask(["list"], _LIST_LIMIT_S, icd_file)
     return (answer or {}).get("platforms", []), problem
+
+
+def devices_in_child() -> list[DeviceInfo]:
+    """All devices, the default first, without loading a driver in this process. DeviceError where listing fails."""
+    platforms, problem = list_in_child(None)
+    if problem:
+        raise DeviceError(f"the drivers cannot be listed: {problem}; run: raytide doctor")
+    devices = [{**device, "extensions": tuple(device["extensions"])}
+               for platform in platforms for device in platform["devices"]]  # fmt: skip
+    return sorted((DeviceInfo(**device, place=(0, place)) for place, device in enumerate(devices)), key=rank)
 
 
 def test_in_child(device_id: str, icd_file: str | None) -> tuple[dict[str, Any], str | None]:
@@ -91,7 +104,6 @@ def _test(device_id: str) -> dict[str, Any]:
     import numpy as np
 
     from raytide.device.device import open_device
-    from raytide.errors import DeviceError
     from raytide.kernels.source import Source
 
     start = time.perf_counter()

@@ -57,7 +57,7 @@ def list_devices() -> list[DeviceInfo]:
 
 def by_preference(platforms: Iterable[PlatformInfo]) -> list[DeviceInfo]:
     """Their devices, the default first."""
-    return sorted((device for platform in platforms for device in platform.devices), key=_rank)
+    return sorted((device for platform in platforms for device in platform.devices), key=rank)
 
 
 def pick(*wanted: str) -> DeviceInfo:
@@ -99,7 +99,7 @@ def nothing_found() -> str:
     return f"no OpenCL device found (searched {places}); {cure}"
 
 
-def _rank(device: DeviceInfo) -> tuple[int, int, int, tuple[int, int]]:
+def rank(device: DeviceInfo) -> tuple[int, int, int, tuple[int, int]]:
     """GPUs before CPUs, cards before shared memory, larger first; a checking tool such as Oclgrind last."""
     if device.id.startswith("oclgrind"):
         return (4, 0, 0, device.place)

@@ -16,12 +16,15 @@ NEW_FILE_MODE = 0o666  # what open() asks for; the user's umask takes its share
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str], *, no_clobber: bool = False) -> Iterator[BinaryIO]:
+def replacing(
+    path: str | os.PathLike[str], *, no_clobber: bool = False, previous: Path | None = None
+) -> Iterator[BinaryIO]:
     """Yield an unbuffered binary file that becomes `path` when the block ends without an error.
 
     The bytes go to a temporary file in the same folder, then to the disk (fsync), and only then take the
     name; the folder is synced last. On any error, Ctrl-C included, the old file stays as it was. Missing
-    folders are made; a symbolic link keeps pointing, its target is replaced.
+    folders are made; a symbolic link keeps pointing, its target is replaced. A file that is replaced takes the
+    name `previous`, if one is given; at every moment there is a whole file of either name.
 
     The file is unbuffered so that a full disk raises at the write that met it, never silently at close.
 
@@ -40,6 +43,8 @@ def replacing(path: str | os.PathLike[str], *, no_clobber: bool = False) -> Iter
         if no_clobber:
             os.link(temporary, target)  # unlike replace, refuses a name that another process took meanwhile
         else:
+            if previous is not None:
+                set_aside(target, previous)
             os.replace(temporary, target)
             temporary = None
         sync_folder(target.parent)
@@ -77,6 +82,20 @@ def open_beside(target: Path) -> tuple[Path, BinaryIO]:
         except FileExistsError:
             continue
         return temporary, os.fdopen(descriptor, "w+b", buffering=0)
+
+
+def set_aside(target: Path, previous: Path) -> None:
+    """Give the file `target`, if there is one, the name `previous`, replacing what had it. It keeps its own name too
+    where the file system knows links."""
+    try:
+        spare = previous.with_name(f".{previous.name[:200]}.{secrets.token_hex(6)}.part")
+        os.link(target, spare)
+    except FileNotFoundError:
+        return
+    except OSError:
+        os.replace(target, previous)
+        return
+    os.replace(spare, previous)
 
 
 def sync_folder(folder: Path) -> None:

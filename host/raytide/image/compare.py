@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -9,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytide.image.metrics import mse, relmse, smape, tile_means
+from raytide.image.metrics import both, flip_mean, mse, relmse, smape, tile_means
 from raytide.image.statistics import compare_means, normal_limit, sidak, student_limit
 
 TILE = 8  # pixels
+TAIL = (99.0, 99.9)  # percentiles of pixels
 ALPHA = 1e-3  # of a false alarm over all tests of one comparison
 DOUBT = 1.35  # a variance that a renderer estimates for itself may be too small by so much (docs/error.md)
 FREEDOM_A_PIXEL = 0.5  # degrees of freedom: one or two squared differences each, spread over 3x3 pixels
@@ -23,6 +25,7 @@ class Agreement:
     """Tests of two pictures with known variances: by tile and channel, and of the whole picture's means (3,).
 
     `largest` is the |z| nearest to its own limit or furthest beyond it, as a share of that limit: above 1 they differ.
+    `p` (rows, columns) float64: the probability that noise alone makes a tile's channels differ as much; NaN becomes 0.
     """
 
     tiles: int
@@ -33,6 +36,7 @@ class Agreement:
     ratio_error: NDArray[np.float64]
     mean_z: NDArray[np.float64]
     mean_limit: float
+    p: NDArray[np.float64]
 
     @property
     def agrees(self) -> bool:
@@ -52,12 +56,14 @@ class Agreement:
             "mean_ratio_error": self.ratio_error.tolist(),
             "mean_z": self.mean_z.tolist(),
             "mean_limit": self.mean_limit,
+            "p_map": [[float(f"{p:.3g}") for p in row] for row in self.p],
         }
 
 
 def errors_of(image: ArrayLike, reference: ArrayLike, reference_variance: ArrayLike | None = None) -> dict[str, Any]:
-    """MSE, relMSE with its e, its root, and SMAPE of (h, w, c) `image`; the reference's own variance subtracted where
-    it is known. Infinite where a pixel is not finite."""
+    """MSE, relMSE with its e, its root, SMAPE, HDR-FLIP (None where it is not installed) and the tail of (h, w, c)
+    `image`; the reference's own variance is subtracted from the first three where it is known. The tail: percentiles
+    over pixels of their relative error. Infinite where a pixel is not finite."""
     own = 0.0 if reference_variance is None else reference_variance
     epsilon = None if np.asarray(reference).any() else 1.0  # a black reference: any e but 0
     relative = relmse(image, reference, epsilon, own)
@@ -67,9 +73,20 @@ def errors_of(image: ArrayLike, reference: ArrayLike, reference_variance: ArrayL
         "error": float(np.sqrt(max(relative.value, 0.0))),
         "e": relative.epsilon,
         "smape": smape(image, reference, epsilon).value,
+        "flip": flip_mean(image, reference),
+        "tail": tail_errors(image, reference, relative.epsilon),
         "nonfinite": relative.nonfinite,
         "reference_variance_subtracted": reference_variance is not None,
     }
+
+
+def tail_errors(image: ArrayLike, reference: ArrayLike, epsilon: float) -> dict[str, float]:
+    """Percentiles over pixels of the root of mean (x - y)^2 / (y^2 + e^2) over channels, e = `epsilon`; the largest."""
+    a, b, nonfinite = both(image, reference)
+    if nonfinite:
+        return {**{f"p{at:g}": np.inf for at in TAIL}, "largest": np.inf}
+    off = np.sqrt(np.mean((a - b) ** 2 / (b**2 + epsilon**2), axis=2))
+    return {**{f"p{at:g}": float(np.percentile(off, at)) for at in TAIL}, "largest": float(off.max())}
 
 
 def agreement(a: ArrayLike, variance_a: ArrayLike, b: ArrayLike, variance_b: ArrayLike) -> Agreement:
@@ -95,7 +112,19 @@ def agreement(a: ArrayLike, variance_a: ArrayLike, b: ArrayLike, variance_b: Arr
         images[i].mean(axis=(0, 1)), variances[i].sum(axis=(0, 1)) / size**2)))  # fmt: skip
     limit = normal_limit(sidak(ALPHA / 2, picture.z.size))
     beyond = int((share > 1).sum())
-    return Agreement(z[..., 0].size, z.size, beyond, float(share.max()), picture.ratio, picture.error, picture.z, limit)
+    return Agreement(z[..., 0].size, z.size, beyond, float(share.max()), picture.ratio, picture.error, picture.z, limit,
+                     tile_probability(z, np.asarray(freedom)))  # fmt: skip
+
+
+def tile_probability(t: NDArray[np.float64], freedom: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Two-sided probability of the largest |t| (rows, columns, channels) of a tile under Student's distribution, for
+    all its channels together. For maps, not for verdicts: the tail is Wallace's normal approximation (1959), which is
+    good to a few per cent from 3 degrees of freedom on."""
+    nu = np.maximum(np.nan_to_num(freedom, nan=1.0), 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        normal = (8 * nu + 1) / (8 * nu + 3) * np.sqrt(nu * np.log1p(t**2 / nu))
+    one = np.vectorize(math.erfc, otypes=[np.float64])(np.nan_to_num(normal, nan=np.inf) / math.sqrt(2))
+    return -np.expm1(one.shape[-1] * np.log1p(-np.minimum(one.min(axis=-1), 1 - 1e-16)))
 
 
 def _pixels_of_tiles(height: int, width: int) -> NDArray[np.int64]:

@@ -76,3 +76,21 @@ def tile_means(image: ArrayLike, tile: int = 16) -> NDArray[np.float64]:
     sums = np.add.reduceat(np.add.reduceat(a, rows, axis=0), columns, axis=1)
     counts = np.outer(np.diff(np.append(rows, a.shape[0])), np.diff(np.append(columns, a.shape[1])))
     return sums / counts.reshape(counts.shape + (1,) * (a.ndim - 2))
+
+
+def flip_mean(image: ArrayLike, reference: ArrayLike) -> float | None:
+    """Mean HDR-FLIP of (h, w, 3) against a reference, 0 to 1; None where flip-evaluator is not installed, infinite
+    where a pixel is not finite.
+
+    Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images"; their advice: the mean.
+    """
+    try:
+        from flip_evaluator import evaluate
+    except ImportError:
+        return None
+    x, y = (np.maximum(np.asarray(one, dtype=np.float32), 0.0) for one in (image, reference))
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        return float(np.inf)
+    if not y.any():
+        return None  # FLIP takes its exposures from the reference's brightness
+    return float(evaluate(y, x, "HDR", applyMagma=False)[1])

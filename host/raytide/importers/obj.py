@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytide.importers.limits import MOST_TRIANGLES
+from raytide.importers.limits import MOST_TRIANGLES, MOST_VERTICES
 from raytide.importers.meshdata import MeshData, clean, refuse
 
 _IGNORED = frozenset("o g s usemtl vp l p cstype deg curv surf parm trim hole end mg bevel lod usemap maplib".split())
@@ -76,7 +76,7 @@ class _Reader:
             except ValueError:
                 raise self.fail(number, f"the corner {word[:60]!r}", "indices such as 1, 1/2 or 1//3") from None
             place = index - 1 if index > 0 else count + index
-            if index == 0 or place < 0:
+            if index == 0 or not 0 <= place < MOST_VERTICES:
                 raise self.fail(number, f"the {name} index {index}", "an index of a line above, from 1 or from -1")
             found[slot] = place  # upper bound: checked at the end, files may name later lines
         return (found[0], found[1], found[2])

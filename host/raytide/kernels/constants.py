@@ -23,8 +23,9 @@ WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square
 RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
 HIDDEN = 1 << 29  # the bits from here on in an object's number: the kinds of ray that do not meet it, in that order
 OBJECT = HIDDEN - 1
+# Functions that cl/probe/math.cl lays open.
 PROBES = ("frame", "cosine_hemisphere", "power_heuristic", "ggx_density", "ggx_visible_normal", "conductor",
-          "dielectric", "sample")  # functions that cl/probe/math.cl lays open  # fmt: skip
+          "dielectric", "sample", "half_visibility", "normalize", "bounce")  # fmt: skip
 
 _UNSIGNED = {
     "TILE_SIDE": TILE_SIDE,

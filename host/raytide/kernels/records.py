@@ -231,7 +231,7 @@ _TABLE = (
         ("uint", "place", "", "of its first number in the material"),
         ("uint", "width", "", "numbers: 1 or 3; SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY"),
         ("uint", "pad", "", "zero"),
-        ("float", "low", "", "least value of the parameter; heights: their factor"),
+        ("float", "low", "", "least value of the parameter; heights: their factor; normals: 1 = green across u"),
         ("float", "high", "", "largest value of the parameter"),
         ("float", "pad0", "", "zero"),
         ("float", "pad1", "", "zero"),
@@ -243,7 +243,7 @@ _TABLE = (
         ("float4", "right", "", "image plane per unit x; w = 1 / focus distance, 0 = infinity"),
         ("float4", "up", "", "image plane per unit y"),
         ("float4", "forward", "", "unit"),
-        ("float4", "raster", "", "xy = plane coordinates of the first pixel's corner, zw = pixel steps"),
+        ("float4", "raster", "", "xy = film point on the axis [pixels], zw = plane coordinates of a pixel"),
     ),
     _record(
         "Settings",

@@ -1,6 +1,7 @@
 """Where scene, kernels, tree and device meet: renders a scene into a film."""
 
+from raytide.render.checkpoint import Checkpoints
 from raytide.render.film import Film
 from raytide.render.renderer import Renderer
 
-__all__ = ["Film", "Renderer"]
+__all__ = ["Checkpoints", "Film", "Renderer"]

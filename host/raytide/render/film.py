@@ -12,6 +12,7 @@ import numpy as np
 
 from raytide.errors import UsageError
 from raytide.render.error import ErrorEstimate, estimate, power_of_four
+from raytide.render.tile_error import TileErrors, tile_errors
 
 LAYERS = ("albedo", "normal", "position", "depth", "samples", "object_id", "variance")
 SUFFIXES = (".exr", ".png")
@@ -72,6 +73,13 @@ class Film:
         now, before = self.data.differences[..., 0, :3], self.data.differences[..., 1, :3]
         ahead = self._ahead()[..., None]
         return estimate(self.rgb, now * ahead, before * ahead, self.spp)
+
+    @cached_property
+    def tile_errors(self) -> TileErrors | None:
+        """Estimated error of every tile of 8x8 pixels with its band; None below 16 samples a pixel."""
+        ahead = self._ahead()[..., None]
+        now, before = (self.data.differences[..., row, :3] * ahead for row in (0, 1))
+        return tile_errors(self.rgb, now, before, self.spp)
 
     def _ahead(self) -> np.ndarray:
         """(h, w) float32: by how much less the squared differences of a pixel count because it has more than `spp`

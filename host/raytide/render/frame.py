@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from raytide.errors import UsageError
 from raytide.kernels.constants import HEALTH, TILE, TILE_SIDE
 from raytide.render import schedule
 from raytide.render.film import FilmData
+from raytide.render.schedule import Chunk
 from raytide.render.waves import RayCounts, Waves
 
 ROWS = 3  # of squared differences a pixel
@@ -54,8 +57,9 @@ class Frame:
         self.seconds = 0.0  # spent in rendering
         self.first_pass_s: float | None = None
         self.wave_times: dict[str, tuple[int, float]] = {}
-        self._pending: Iterator[tuple[int, int, int, int]] | None = None
+        self._pending: deque[Chunk] = deque()  # what is left of the pass
         self._pass = (0, 0)
+        self._since: float | None = None  # when the time that is not in `seconds` yet began
 
     def pixels_of(self, first_tile: int, tiles: int) -> int:
         """Pixels of the picture that lie in tiles first_tile .. first_tile + tiles - 1."""
@@ -66,29 +70,42 @@ class Frame:
         return int(np.sum(wide * high))
 
     def run(
-        self, waves: Waves, spp: int, stopped: Callable[[], bool], time_limit: float | None = None
+        self,
+        waves: Waves,
+        spp: int,
+        stopped: Callable[[], bool],
+        time_limit: float | None = None,
+        between: Callable[[], None] = lambda: None,
     ) -> Iterator[bool]:
         """Renders pass by pass up to `spp` samples a pixel; yields True after each, or False and ends once `stopped`
-        or after `time_limit` seconds in all, which are looked at after every wave.
+        or after `time_limit` seconds in all, which are looked at after every wave. `between` is called after every
+        chunk, when `capture` gives what is done so far.
 
         A pass that was stopped goes on where it was, whenever `run` is called again.
         """
-        while self.spp < spp or self._pending is not None:
-            begun = time.perf_counter()
-            if self._pending is None:
+        while self.spp < spp or self._pending:
+            self._since = time.perf_counter()
+            if not self._pending:
                 self._pass = next(schedule.passes(spp, self.spp))
-                self._pending = schedule.chunks(self.tiles, *self._pass, self._chunk_size(waves, time_limit))
-            end = math.inf if time_limit is None else begun + time_limit - self.seconds
-            finished = self._run_pass(waves, _stopped_or_past(end, stopped))
-            self.device.finish()
-            self.seconds += time.perf_counter() - begun
+                self._pending.extend(schedule.chunks(self.tiles, *self._pass, self._chunk_size(waves, time_limit)))
+            end = math.inf if time_limit is None else self._since + time_limit - self.seconds
+            finished = self._run_pass(waves, _stopped_or_past(end, stopped), between)
+            self.lap()
+            self._since = None
             self.collect_times()
             if finished:
-                self.spp, self._pending = sum(self._pass), None
+                self.spp = sum(self._pass)
                 self.first_pass_s = self.first_pass_s or self.seconds
             yield finished
             if not finished:
                 return
+
+    def lap(self) -> None:
+        """Waits for the device, and counts the time until now in `seconds`."""
+        self.device.finish()
+        if self._since is not None:
+            now = time.perf_counter()
+            self.seconds, self._since = self.seconds + now - self._since, now
 
     def _chunk_size(self, waves: Waves, time_limit: float | None) -> int:
         """Samples of a chunk: small ones, each of one wave of paths, in a pass that the time may cut short, because a
@@ -102,11 +119,10 @@ class Frame:
         """Spent so far by the device's clock."""
         return sum(seconds for _, seconds in self.wave_times.values())
 
-    def _run_pass(self, waves: Waves, stopped: Callable[[], bool]) -> bool:
-        assert self._pending is not None
-        for chunk in self._pending:
+    def _run_pass(self, waves: Waves, stopped: Callable[[], bool], between: Callable[[], None]) -> bool:
+        while self._pending:
+            chunk = self._pending[0]
             if not waves.run(chunk, stopped):
-                self._pending = _before(chunk, self._pending)
                 return False
             self.device.launch(
                 self._program, "film", chunk[1] * TILE, 64,
@@ -114,7 +130,38 @@ class Frame:
                 *self._sums, self._differences, self._health,
                 label="film",
             )  # fmt: skip
+            self._pending.popleft()
+            if self._pending:
+                between()
         return True
+
+    def capture(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """All that the picture's next samples build on: the buffers by name, and figures ready for JSON."""
+        self.lap()
+        self.collect_times()
+        arrays = {name: self.device.read(buffer, np.uint32, buffer.nbytes // 4) for name, buffer in self._buffers()}
+        arrays["pending"] = np.array(self._pending, np.uint32).reshape(-1, 4)
+        figures = {"spp": self.spp, "pass": list(self._pass), "seconds": self.seconds,
+                   "first_pass_s": self.first_pass_s, "wave_times": self.wave_times}  # fmt: skip
+        return arrays, figures
+
+    def restore(self, arrays: Mapping[str, np.ndarray], figures: Mapping[str, Any], most: int) -> None:
+        """Goes back to what was captured; chunks that were left are cut to at most `most` results. Raises ValueError
+        where the arrays are not those of a picture of this size."""
+        self.restart()
+        for name, buffer in self._buffers():
+            if arrays[name].nbytes != buffer.nbytes:
+                raise ValueError(f"{name}: came {arrays[name].nbytes} bytes; wanted {buffer.nbytes}")
+            self.device.write(buffer, arrays[name])
+        for chunk in arrays["pending"].reshape(-1, 4).tolist():
+            self._pending.extend(schedule.cut(tuple(chunk), most))
+        self.spp, self._pass = int(figures["spp"]), (int(figures["pass"][0]), int(figures["pass"][1]))
+        self.seconds, self.first_pass_s = float(figures["seconds"]), figures["first_pass_s"]
+        self.wave_times = {label: (int(n), float(s)) for label, (n, s) in figures["wave_times"].items()}
+
+    def _buffers(self) -> list[tuple[str, Buffer]]:
+        names = ("sum_hi", "sum_lo", "half_sum", "differences", "health")
+        return list(zip(names, (*self._sums, self._differences, self._health), strict=True))
 
     def collect_times(self) -> None:
         """Adds device times since the last call to `wave_times`: launches and seconds by label."""
@@ -145,10 +192,3 @@ class Frame:
 
 def _stopped_or_past(end: float, stopped: Callable[[], bool]) -> Callable[[], bool]:
     return lambda: stopped() or time.perf_counter() >= end
-
-
-def _before(
-    chunk: tuple[int, int, int, int], rest: Iterator[tuple[int, int, int, int]]
-) -> Iterator[tuple[int, int, int, int]]:
-    yield chunk
-    yield from rest

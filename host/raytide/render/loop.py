@@ -48,17 +48,25 @@ class Loop:
         self.stopped_by: str | None = None
 
     def run(
-        self, frame: Frame, waves: Waves, film_now: Callable[[], Film], limits: Limits, watch: bool
+        self,
+        frame: Frame,
+        waves: Waves,
+        film_now: Callable[[], Film],
+        limits: Limits,
+        watch: bool,
+        keep: Callable[[bool], None] = lambda last: None,
     ) -> Iterator[None]:
-        """Passes up to the first of `limits`; the error is looked at where it is one of them, or to `watch` it."""
+        """Passes up to the first of `limits`; the error is looked at where it is one of them, or to `watch` it. `keep`
+        is called where the render could go on from later, told whether this was the last time."""
         self.limits = limits
         look = watch or limits.error is not None
         self.stopped_by = self._ended_before(film_now)
         if self.stopped_by:
             return
-        for finished in frame.run(waves, limits.spp, self._stop.is_set, limits.time):
+        for finished in frame.run(waves, limits.spp, self._stop.is_set, limits.time, lambda: keep(False)):
             self._note(frame, waves, finished)
             film = self._look(frame, film_now) if look else None
+            keep(self.stopped_by is not None)
             yield
             del film  # held until here, so that whoever asks for the film gets the one that was looked at
             self._shelf.settle()

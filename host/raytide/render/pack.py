@@ -28,7 +28,8 @@ from raytide.render.lights import pack_lights
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
-from raytide.scene.materials import Emissive
+from raytide.scene.layered import layers_of
+from raytide.scene.materials import Blend, Emissive
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     render, camera = flat.render, flat.camera
     seen = [thing for thing in flat.objects if thing.visible_to]
     shining = any(flat.materials[thing.material].type == "emissive" for thing in seen)
-    surfaces = [flat.materials[surface_of(flat, thing.material)] for thing in seen]
+    surfaces = [flat.materials[i] for i in sorted({i for thing in seen for i in surfaces_of(flat, thing.material)})]
     used = {model.type for model in surfaces}  # named but unused ones cost nothing
     present = set(MATERIALS) if everything else used
     asked = {name for model in surfaces for name in model.switches()}
@@ -114,6 +115,13 @@ def surface_of(flat: FlatScene, material: int) -> int:
     model = flat.materials[material]
     base = model.base if isinstance(model, Emissive) else None
     return material if base is None else flat.material_names.index(base)
+
+
+def surfaces_of(flat: FlatScene, material: int) -> set[int]:
+    """The indices of all materials that a surface of material `material` may scatter by."""
+    models = dict(zip(flat.material_names, flat.materials, strict=True))
+    names = layers_of(models, flat.material_names[surface_of(flat, material)])
+    return {flat.material_names.index(name) for name in names}
 
 
 def pack(flat: FlatScene, features: Features) -> PackedScene:
@@ -225,6 +233,8 @@ def _materials(flat: FlatScene) -> np.ndarray:
         row["flags"] |= SEE_THROUGH if model.opacity < 1 or "opacity" in model.textures() else 0
         row["absorption"] = (*absorption, model.opacity)
         numbers = [x for _, values in model.parameters() for x in values]
+        if isinstance(model, Blend):
+            numbers[1:] = [flat.material_names.index(part) for part in model.parts]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x
     return materials
@@ -245,7 +255,7 @@ def _camera(flat: FlatScene, origin: np.ndarray) -> np.ndarray:
     if isinstance(camera, ThinLens):
         row["origin"][0, 3] = camera.aperture
         row["right"][0, 3] = 1.0 / camera.focus_distance
-    aspect = width / height
-    right_of, above = (2 * half * part for part in camera.shift)
-    row["raster"][0] = (right_of - half * aspect, above + half, 2 * half * aspect / width, -2 * half / height)
+    step = 2 * half / height  # pixels are square
+    right_of, above = (part * height for part in camera.shift)
+    row["raster"][0] = (width / 2 - right_of, height / 2 + above, step, -step)
     return row

@@ -30,7 +30,7 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
         "scene_sha256": renderer.scene_sha256,
         "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
         "device": _device(renderer),
-        "settings": _settings(renderer),
+        "settings": settings_of(renderer),
         "spp": film.spp,
         "stopped_by": renderer.stopped_by,
         "limits": history.status(renderer.limits)["limits"],
@@ -53,6 +53,7 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
             "samples_in_flight": renderer.plan.samples,
             "peak_device_bytes": renderer.device.peak_bytes,
         },
+        "checkpoints": renderer.checkpoints.as_dict() if renderer.checkpoints else None,
         "left_out": ledger(renderer),
         "warnings": list(flat.warnings),
     }
@@ -74,12 +75,13 @@ def provenance_of(renderer: Renderer) -> dict[str, Any]:
             "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
             "time_s": {stage: round(seconds, 6) for stage, seconds in renderer.times.items()}
             | {"render": round(renderer.frame.seconds if renderer.frame else 0.0, 6)},
-            "settings": _settings(renderer),
+            "settings": settings_of(renderer),
         },
     }
 
 
-def _settings(renderer: Renderer) -> dict[str, Any]:
+def settings_of(renderer: Renderer) -> dict[str, Any]:
+    """The keys of [render] and the size that a render was made with, ready for JSON."""
     flat = renderer.flat
     return {**flat.render.model_dump(mode="json"), "size": list(flat.camera.size)}
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from threading import Event
 from typing import Any
 
@@ -17,7 +20,8 @@ from raytide.errors import UsageError
 from raytide.kernels.constants import TILE
 from raytide.kernels.features import Features
 from raytide.kernels.source import Source, assemble
-from raytide.render import layers, schedule
+from raytide.render import checkpoint_file, layers, schedule
+from raytide.render.checkpoint import Checkpoints, capture, restore
 from raytide.render.film import Film
 from raytide.render.frame import PIXEL_BYTES, Frame
 from raytide.render.instances import mesh_records
@@ -164,11 +168,12 @@ class Renderer:
     def _begin(self) -> None:
         self._shelf.forget()
         self._stop.clear()
+        self.checkpoints: Checkpoints | None = None
         self._loop = Loop(self._shelf, self._stop, limits_of(self.flat.render))
 
     def restart(self, seed: int | None = None) -> None:
         """Film and counters to zero: a new picture of the same scene, with another seed if one is given."""
-        frame, waves = self._open()
+        frame, waves = self.opened()
         self._shelf.settle()
         if seed is not None:
             self.settings["seed"] = seed
@@ -190,7 +195,13 @@ class Renderer:
         self._stop.set()
 
     def passes(
-        self, spp: int | None = None, *, time: float | None = None, error: float | None = None, watch: bool = False
+        self,
+        spp: int | None = None,
+        *,
+        time: float | None = None,
+        error: float | None = None,
+        watch: bool = False,
+        checkpoints: Checkpoints | None = None,
     ) -> Iterator[Film]:
         """Renders until one limit is reached, by default the scene's: `spp` samples a pixel, `time` seconds of
         rendering, an `error` (root of relMSE, 0.01 is 1 %); `stopped_by` tells which. Yields the film after every pass.
@@ -198,19 +209,47 @@ class Renderer:
         Limits count from the picture's start; samples that nobody set end no render that has another end. Time ends a
         render at the next wave; a stopped pass yields once more, with the samples whose chunks were finished. Error
         ends it only after a pass. The error is looked at for an `error`, or to `watch` it, as far as that costs 3 % of
-        the time. Raises SceneError for a limit that a scene could not have.
+        the time. `checkpoints` keep what there is in a file as the render goes on, and at its end. Raises SceneError
+        for a limit that a scene could not have.
         """
-        for _ in self._run(watch, spp=spp, time=time, error=error):
+        for _ in self._run(watch, checkpoints, spp=spp, time=time, error=error):
             yield self.film
 
     def render(self, spp: int | None = None, *, time: float | None = None, error: float | None = None) -> Film:
         """All passes at once."""
-        for _ in self._run(False, spp=spp, time=time, error=error):
+        for _ in self._run(False, None, spp=spp, time=time, error=error):
             pass
         return self.film
 
-    def _run(self, watch: bool, **given: Any) -> Iterator[None]:
-        return self._loop.run(*self._open(), lambda: self.film, limits_of(self.flat.render, **given), watch)
+    def _run(self, watch: bool, checkpoints: Checkpoints | None, **given: Any) -> Iterator[None]:
+        limits = limits_of(self.flat.render, **given)
+        now = lambda: self.film  # noqa: E731
+        if checkpoints is None:
+            return self._loop.run(*self.opened(), now, limits, watch)
+        checkpoints.begin(lambda: capture(self))
+
+        def keep(last: bool) -> None:
+            (checkpoints.write if last else checkpoints.tick)(lambda: capture(self))
+
+        self.checkpoints = checkpoints
+        return self._loop.run(*self.opened(), now, limits, watch, keep)
+
+    def resume(self, path: str | os.PathLike[str]) -> dict[str, Any]:
+        """Goes back to where the render in the checkpoint `path` was, to go on from there; gives the notes that were
+        kept with it. On the device that it was begun on, the picture is that of a render which was never stopped, bit
+        for bit. A newest generation that is damaged is passed over with a warning.
+
+        Raises UsageError for a file that holds no whole checkpoint, and for one of another scene, of settings that
+        change samples, or of other kernels.
+        """
+        self._shelf.settle()
+        self._begin()
+        content, problem = checkpoint_file.read(Path(path))
+        if problem:
+            logging.getLogger("raytide.render").warning("%s: going on from the generation before", problem)
+        restore(self, content, Path(path))
+        notes: dict[str, Any] = content.facts.get("notes", {})
+        return notes
 
     @property
     def stopped_by(self) -> str | None:
@@ -232,7 +271,8 @@ class Renderer:
         """What to show while the render runs, ready for JSON; costs no look at the picture."""
         return self.history.status(self.limits)
 
-    def _open(self) -> tuple[Frame, Waves]:
+    def opened(self) -> tuple[Frame, Waves]:
+        """The picture in the making and what drives it. Raises UsageError once closed."""
         if self.frame is None or self.waves is None:
             raise UsageError("this renderer is closed; make another one")
         return self.frame, self.waves
@@ -240,7 +280,7 @@ class Renderer:
     @property
     def rays(self) -> RayCounts:
         """Rays of the picture so far."""
-        return self._open()[1].rays
+        return self.opened()[1].rays
 
     @property
     def film(self) -> Film:
@@ -248,12 +288,12 @@ class Renderer:
         return self._shelf.film(self._new_film)
 
     def _new_film(self) -> Film:
-        frame, waves = self._open()
+        frame, waves = self.opened()
         return Film(frame.spp, frame.figures(waves.rays), provenance_of(self), self._read, self._layers())
 
     def _read(self) -> Any:
         with self._timed("readback"):
-            return self._open()[0].read()
+            return self.opened()[0].read()
 
     def _layers(self) -> Any:
         """Renders the layers of the scene as it is now; a later update() makes them unavailable."""

@@ -15,6 +15,7 @@ _RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
 # rays, hits, throughput, path, shadow light, three queues, status, and a share of the compaction's counts
 SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
 SAMPLE_BYTES = 16
+Chunk = tuple[int, int, int, int]  # first tile, tiles, first sample, samples: what is traced before the film takes it
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity
 
 
@@ -158,11 +159,17 @@ def passes(spp: int, done: int = 0) -> Iterator[tuple[int, int]]:
         done += step
 
 
-def chunks(tiles: int, first: int, count: int, samples: int) -> Iterator[tuple[int, int, int, int]]:
-    """(first tile, tiles, first sample, samples) of the chunks of a pass, each of at most `samples` results."""
+def chunks(tiles: int, first: int, count: int, samples: int) -> Iterator[Chunk]:
+    """The chunks of a pass over all `tiles`, each of at most `samples` results."""
+    return cut((0, tiles, first, count), samples)
+
+
+def cut(chunk: Chunk, samples: int) -> Iterator[Chunk]:
+    """`chunk` in parts of at most `samples` results, or one tile at one sample; every tile's samples stay in order."""
+    first_tile, tiles, first, count = chunk
     deep = max(1, min(count, samples // TILE))
     wide = max(1, samples // (TILE * deep))
     for sample in range(first, first + count, deep):
         here = min(deep, first + count - sample)
         for tile in range(0, tiles, wide):
-            yield tile, min(wide, tiles - tile), sample, here
+            yield first_tile + tile, min(wide, tiles - tile), sample, here

@@ -52,8 +52,9 @@ def texture_kinds(flat: FlatScene) -> set[str]:
 
 def has_relief(flat: FlatScene) -> bool:
     """Whether a material of an object has a normal or bump map."""
-    used = (flat.materials[thing.material] for thing in flat.objects)
-    return any(name in material.RELIEF for material in used for name in material.textures())
+    models = dict(zip(flat.material_names, flat.materials, strict=True))
+    used = {name for thing in flat.objects for name in layers_of(models, flat.material_names[thing.material])}
+    return any(name in models[one].RELIEF for one in used for name in models[one].textures())
 
 
 def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) -> PackedTextures:
@@ -176,10 +177,12 @@ def _slots(used: Sequence[Material | None], names: list[str], materials: np.ndar
         if "opacity" in textures:
             assert material is not None
             rows.append((names.index(textures["opacity"]), 0, SLOT_OPACITY, *range_of(material, "opacity")))
-        for name, width in (("normal_map", SLOT_NORMALS), ("bump_map", SLOT_HEIGHTS)):
-            if name in textures:
-                assert material is not None
-                rows.append((names.index(textures[name]), 0, width, material.bump_scale, 0.0))
+        if "normal_map" in textures:
+            assert material is not None
+            rows.append((names.index(textures["normal_map"]), 0, SLOT_NORMALS, material.normal_green == "across", 0.0))
+        if "bump_map" in textures:
+            assert material is not None
+            rows.append((names.index(textures["bump_map"]), 0, SLOT_HEIGHTS, material.bump_scale, 0.0))
     slots = np.zeros(len(rows), RECORDS["TextureSlot"].dtype)
     for i, member in enumerate(("texture", "place", "width", "low", "high")):
         slots[member] = [row[i] for row in rows]

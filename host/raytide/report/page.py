@@ -14,7 +14,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 VOID = frozenset(("br", "hr", "img", "input", "meta"))
@@ -62,12 +63,9 @@ def page(title: str, *body: object, lead: str = "") -> str:
 
 def write_page(path: str | os.PathLike[str], document: str) -> None:
     """Writes a page; the file appears only when it is complete. Raises as `raytide.image.replacing` does."""
-    from raytide.image import replacing
+    from raytide.report.files import write_text
 
-    with replacing(path) as file:
-        view = memoryview(document.encode())
-        while view:  # an unbuffered write may take only a part
-            view = view[file.write(view):]
+    write_text(path, document)
 
 
 def section(title: str, *body: object) -> Html:
@@ -137,6 +135,12 @@ def picture(rgb: ArrayLike, name: str, exposure: float = 0.0) -> Html:
 
     data = base64.b64encode(png_bytes(rgb, exposure)).decode("ascii")
     return element("img", src=f"data:image/png;base64,{data}", alt=name, title=name, class_="pixels")
+
+
+def exposure_of(rgb: NDArray[Any]) -> float:
+    """Stops that put the picture's 90th percentile of brightness near white."""
+    bright = float(np.percentile(rgb.max(axis=2), 90))
+    return math.log2(0.8 / bright) if bright > 0 else 0.0
 
 
 def slider(first: Html, second: Html, names: tuple[str, str], caption: str = "") -> Html:

@@ -24,6 +24,7 @@ from raytide.scene.camera import Pinhole as Camera
 from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
 from raytide.scene.load import from_tables, load
 from raytide.scene.materials import (
+    Blend,
     Conductor,
     Dielectric,
     Diffuse,
@@ -44,6 +45,7 @@ from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import Box, Disk, Instance, Mesh, Plane, Rectangle, Sphere
 
 __all__ = [
+    "Blend",
     "Box",
     "Camera",
     "Conductor",

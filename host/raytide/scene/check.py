@@ -13,7 +13,7 @@ from raytide.scene.instances import Shown, ShownObjects, shown_objects
 from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.material_parts import Material
-from raytide.scene.materials import Emissive
+from raytide.scene.materials import Blend, Emissive
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Instance, Mesh, Shape
 from raytide.scene.texture_check import texture_problems, texture_warnings
@@ -58,6 +58,28 @@ def base_problems(scene: Scene, material_names: Sequence[str]) -> list[Problem]:
             came = f"{ascii(base)}, which shines itself" if shines else f"the unknown material {ascii(base)}"
             hint = None if shines else nearest(base, others)
             problems.append(Problem(path_words(("materials", name, "base")), came, list_words(others), hint=hint))
+    return problems + _blend_problems(scene, list(material_names))
+
+
+def _blend_problems(scene: Scene, names: list[str]) -> list[Problem]:
+    """Blends of what is none, shines, lets light pass by itself, or holds the blend."""
+    problems = []
+    for name, blend in scene.materials.items():
+        for key in ("first", "second") if isinstance(blend, Blend) else ():
+            part = getattr(blend, key)
+            model, came = scene.materials.get(part), ""
+            if part not in names:
+                came = f"the unknown material {ascii(part)}"
+            elif isinstance(model, Emissive):
+                came = f"{ascii(part)}, which shines"
+            elif model is not None and "opacity" in model.model_fields_set:
+                came = f"{ascii(part)}, which has an opacity of its own"
+            elif name in layers_of(scene.materials, part):
+                came = f"{ascii(part)}, which holds this blend"
+            if came:
+                hint = nearest(part, names) if part not in names else None
+                wanted = "another material" + (": " + list_words(names) if hint else "")
+                problems.append(Problem(path_words(("materials", name, key)), came, wanted, hint=hint))
     return problems
 
 

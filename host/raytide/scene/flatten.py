@@ -142,6 +142,7 @@ def flatten_scene(scene: Scene, share: bool = True) -> FlatScene:
             )
         )  # fmt: skip
         first += count
+    warnings += _too_near(scene, shapes, list(scene.objects))
     vertices, triangles, normals = _joined(pieces)
     used = {shown[name].material for name in scene.objects}
     counts = [thing.triangle_count for thing in objects]
@@ -163,6 +164,22 @@ def flatten_scene(scene: Scene, share: bool = True) -> FlatScene:
         meshes=meshes,
         instances=instances,
     )
+
+
+def _too_near(scene: Scene, shapes: list[FlatShape], names: list[str]) -> list[str]:
+    """Words about spheres to whose surface the camera is nearer than the digits of their centre, as seen from it."""
+    out = []
+    for shape in shapes:
+        if shape.kind != "sphere":
+            continue
+        radius = float(np.linalg.norm(shape.axes[0]))
+        height = abs(float(np.linalg.norm(shape.center - np.asarray(scene.camera.origin))) - radius)
+        if height < radius * 2.0**-20:
+            out.append(
+                f"objects.{names[shape.object]}: the camera is {height:.3g} from the surface of a sphere of radius "
+                f"{radius:.3g}, less than float32 tells apart there; what is near will not be where it should"
+            )
+    return out
 
 
 def _placed_mesh(mesh: MeshData, matrix: np.ndarray, smooth: bool, name: str, warnings: list[str]) -> _Piece:

@@ -30,6 +30,9 @@ class Material(Table):
     two_sided: Flag = key(True, doc="whether the back is like the front; else it is black (clear materials have both)")
     opacity: Number = key(1.0, low=0, high=1, doc="share of light that meets the surface; the rest passes straight on")
     normal_map: str | None = key(None, doc="texture of normals: red along u, green along v, blue outwards")
+    normal_green: Literal["v", "across"] = key(
+        "v", doc="where green points in a normal map: along v, or across u whichever way v runs"
+    )
     bump_map: str | None = key(None, doc="bitmap of heights")
     bump_scale: Number = key(1.0, unit="m", doc="height where the bump map is 1")
 
@@ -58,6 +61,11 @@ class Material(Table):
         if self.transmits and not self.two_sided:
             raise ValueError("came two_sided = false; wanted true: light passes through this material")
         return self
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the materials that this one rests on."""
+        return ()
 
     def parameters(self) -> list[tuple[str, tuple[float, ...]]]:
         """What the device gets, in PARAMETERS order: a colour as 3 floats, a number as 1."""

@@ -36,6 +36,10 @@ class Emissive(Material):
             raise ValueError("came opacity; wanted it on the base: what shines does so in full")
         return self
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return () if self.base is None else (self.base,)
+
     def parameter(self, name: str) -> Any:
         return np.multiply(self.radiance, self.scale) if name == "radiance" else getattr(self, name)
 
@@ -299,6 +303,33 @@ class ThinFilm(Material):
         if name in ("eta", "k") and self.ior is not None:
             return (self.ior if name == "eta" else 0.0,) * 3
         return super().parameter(name)
+
+
+class Blend(Material):
+    """Two materials, one beside the other finer than the eye sees: a share of the light meets the second."""
+
+    PARAMETERS = (("weight", 1), ("first", 1), ("second", 1))
+    FIRST: ClassVar[str] = "first"
+    PLAIN: ClassVar[tuple[str, ...]] = ("first", "second")
+    type: Literal["blend"] = "blend"
+    first: str = key(doc="name of a material")
+    second: str = key(doc="name of another one")
+    weight: Number = key(0.5, low=0, high=1, doc="share of the second")
+
+    @model_validator(mode="after")
+    def _leaves_it_to_its_parts(self) -> Self:
+        given = sorted(self.model_fields_set & {"two_sided", "normal_map", "normal_green", "bump_map", "bump_scale"})
+        if given:
+            raise ValueError(f"came {' and '.join(given)}; wanted them on the materials that are blended")
+        return self
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return self.first, self.second
+
+    def parameter(self, name: str) -> Any:
+        """The device gets the numbers of both parts from where they are known."""
+        return self.weight if name == "weight" else 0.0
 
 
 def _kinds(base: type[Material]) -> Iterator[type[Material]]:

@@ -19,7 +19,9 @@ class RenderSettings(Table):
     error: Share | None = key(
         None, above=0, below=1, doc="end at this estimated error, the root of relMSE: a share of radiance"
     )
-    max_depth: Count = key(8, low=1, high=1024, unit="edges", doc="longest path: 1 sees emitters, 2 adds direct light")
+    max_depth: Count = key(
+        8, low=1, high=2**16 - 1, unit="edges", doc="longest path: 1 sees emitters, 2 adds direct light"
+    )
     roulette_start: Count = key(
         5, low=0, high=1024, unit="edges", doc="first edge where roulette may end a path; 0: never"
     )

@@ -171,3 +171,36 @@ def force_and_tree(lab: Lab) -> Iterator[Trial]:
             geometry = flat(corners.reshape(-1, 3), faces, shapes)
             for builder in ("sah", "lbvh"):
                 yield Trial(f"{count}{name}, {builder}", inputs, partial(judge, geometry, builder))
+
+
+@case("B6", "bvh", "rays along an axis through a flat grid of triangles (full: a million)",
+      "the triangle that the grid's rule names; at most 3 times the nodes of rays a little tilted",
+      "nodes of all the grid are touched where planes hold the ray")  # fmt: skip
+def along_the_axis(lab: Lab) -> Iterator[Trial]:
+    side = lab.count(150, 707)
+    x, z = (axis.ravel() for axis in np.meshgrid(np.arange(side), np.arange(side), indexing="ij"))
+    corner = x * (side + 1) + z
+    faces = np.stack([[corner, corner + side + 1, corner + 1],
+                      [corner + side + 1, corner + side + 2, corner + 1]]).transpose(2, 0, 1)  # fmt: skip
+    points = np.stack([*np.meshgrid(np.arange(side + 1), np.arange(side + 1), indexing="ij")], -1).reshape(-1, 2)
+    vertices = np.stack([points[:, 0], 0 * points[:, 0], points[:, 1]], 1)
+    traced = lab.tracer(flat(vertices, faces.reshape(-1, 3)), counters=True)
+
+    def judge(inputs: Inputs) -> Judged:
+        origin, down = inputs["origin"], inputs["direction"]
+        rays = rays_of(origin, down)
+        hits, _ = traced.trace(rays)
+        at = origin[:, [0, 2]].astype(np.float64)
+        cell, within = np.floor(at), at - np.floor(at)
+        truth = 2 * (cell[:, 0] * side + cell[:, 1]) + (within.sum(1) > 1)
+        wrong = (hits["prim"] != truth) & (np.abs(within.sum(1) - 1) > 1e-6)
+        tilted = rays_of(origin, down + f4([[1e-3, 0, 2e-3]]))
+        straight, slanted = (float(traced.visits(rows).sum(1).mean()) for rows in (rays, tilted))
+        figures = {"visits along": f"{straight:.1f}", "tilted": f"{slanted:.1f}"}
+        return Judged(forbidden(wrong | ~(np.abs(hits["t"] - 3) < 2e-6)), figures, {"3 times": straight <= 3 * slanted})
+
+    rng, n = lab.rng(506), lab.count(5_000, 100_000)
+    place = rng.random((n, 2)) * side
+    inputs = {"origin": f4(np.stack([place[:, 0], np.full(n, 3.0), place[:, 1]], 1)),
+              "direction": np.tile(f4([0, -1, -0.0]), (n, 1))}  # fmt: skip
+    yield Trial("across", inputs, judge)

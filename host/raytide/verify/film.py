@@ -5,16 +5,21 @@ The kernel of renders gets samples whose sums are known in float64; each of 64 p
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+from raytide.image import read_exr, write_exr
 from raytide.kernels.constants import TILE, TILE_SIDE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
-from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
+from raytide.scene import Camera, Scene, sky
+from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined, unbuilt
 from raytide.verify.lab import Lab, f4
 
 CHUNK = 4096  # samples of a launch
@@ -119,3 +124,103 @@ def bad_samples(lab: Lab) -> Iterator[Trial]:
         return Judged(excess, {"counted": told}, {"counts as injected": told == sorted(numbers)})
 
     yield Trial("", {"channel": np.zeros(TILE, np.uint32)}, judge)
+
+
+@case("F2", "film", "2^24 samples of 1, then 4096 more", "counted and summed exactly",
+      "float32 stalls at 16777216")  # fmt: skip
+def many_ones(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        film = Film(lab)
+        before = int(inputs["before"][0])
+        start = np.zeros((TILE, 4), np.float32)
+        start[:, :3] = before
+        start[:, 3] = np.full(TILE, before, np.uint32).view(np.float32)
+        film.lab.device.write(film.rows["sum_hi"], start)
+        film.taken = before
+        film.add(np.ones((4096, TILE, 3), np.float32))
+        counted = film.read("sum_hi")[:, 0, 3].view(np.uint32)
+        wrong = (film.sums() != before + 4096).any(1) | (counted != before + 4096)
+        return Judged(forbidden(wrong), {"sum": f"{film.sums()[0, 0]:.0f}"})
+
+    for before in (2**24 - 2048, 2**24, 2**27):
+        yield Trial(f"after {before}", {"before": np.full(TILE, before, np.int64)}, judge)
+
+
+@case("F5", "film", "radiance of 1e5 in an EXR file", "kept as float32; as half, clamped to 65504 and told",
+      "65520 and more is infinity in half precision")  # fmt: skip
+def half_files(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        wrong = []
+        with tempfile.TemporaryDirectory() as folder:
+            for value in inputs["value"]:
+                pixels = {"beauty": np.full((2, 2, 4), value, np.float32)}
+                whole, half = (Path(folder) / name for name in ("whole.exr", "half.exr"))
+                write_exr(whole, pixels, {})
+                told = write_exr(half, pixels, {}, half=True).saturated
+                kept = read_exr(whole).rgb[0, 0, 0] == value
+                wrong.append(not (kept and read_exr(half).rgb.max() <= 65504 and (told > 0) == (value > 65519)))
+        return Judged(forbidden(np.array(wrong)), {})
+
+    yield Trial("", {"value": f4([1.0, 65504.0, 1e5, 1e10, 3e38])}, judge)
+
+
+@case("F6", "film", "the same samples in launches of 1 to 4096",
+      "the same bits; within 4e-6 of float64 whatever the sums",
+      "200 orders give 46 sums, 3e-6 apart")  # fmt: skip
+def split_sums(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        spread = 10.0 ** lab.rng(407).uniform(-3, 3, (4096, 1, 1))
+        samples = f4(lab.rng(406).exponential(0.18, (4096, TILE, 3)) * spread)
+        bits, rounds = [], lab.count(6, 40)
+        for seed in range(rounds):
+            film, rng, at = Film(lab), lab.rng(seed), 0
+            while at < len(samples):
+                step = len(samples) if seed == 0 else int(rng.integers(1, 2000))
+                film.add(samples[at : at + step])
+                at += step
+            bits.append(np.concatenate([film.read(name).reshape(TILE, -1) for name in film.rows], 1))
+        same = np.array([all(np.array_equal(one[p].view(np.uint32), bits[0][p].view(np.uint32)) for one in bits)
+                         for p in range(TILE)])  # fmt: skip
+        off = np.abs(film.sums() / samples.sum(0, dtype=np.float64) - 1).max(1)
+        return Judged(joined(forbidden(~same), bounded(off, 4e-6)), {"orders": rounds, "error": f"{off.max():.1e}"})
+
+    yield Trial("", {"pixel": np.arange(TILE)}, judge)
+
+
+@case("F7", "film", "one sample of 1e8 among a million of 0.18", "the mean has it: nothing is clamped")
+def fireflies(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        film, count = Film(lab), lab.count(1 << 16, 1 << 20)
+        samples = np.full((1 << 16, TILE, 3), 0.18, np.float32)
+        samples[1234] = inputs["bright"][:, None]
+        film.add(samples)
+        for _ in range(count // len(samples) - 1):
+            film.add(np.full((1 << 16, TILE, 3), 0.18, np.float32))
+        truth = float(np.float32(0.18)) * (count - 1) + inputs["bright"].astype(np.float64)
+        off = np.abs(film.sums() / truth[:, None] - 1).max(1)
+        return Judged(bounded(off, 1e-6), {"largest error": f"{off.max():.1e}"})
+
+    yield Trial("", {"bright": np.full(TILE, 1e8, np.float32)}, judge)
+
+
+MERGED = unbuilt("F8", "film", "four pictures of 256 samples put together against one of 1024", "within 1 ulp a merge",
+        "merging of pictures")  # fmt: skip
+
+
+@case("F9", "film", "pictures of one pixel, of one row, beside the tiles' border, by every filter",
+      "finite, all samples "
+      "counted", "0/0 where no filter weight is left")  # fmt: skip
+def small_pictures(lab: Lab) -> Iterator[Trial]:
+    def judge(filter: str, inputs: Inputs) -> Judged:
+        wrong = []
+        for width, height in zip(inputs["width"], inputs["height"], strict=True):
+            scene = Scene(camera=Camera(origin=(0, 0, 4), target=(0, 0, 0), size=(int(width), int(height))))
+            scene.add(sky(0.5), name="sky")
+            film = lab.render(scene, spp=4, filter=filter)
+            even = np.abs(film.rgb - np.float32(0.5)).max() <= 1e-7
+            wrong.append(not (even and (film.samples == 4).all() and film.rgb.shape == (height, width, 3)))
+        return Judged(forbidden(np.array(wrong)), {})
+
+    sizes = np.array([(1, 1), (1, 9), (9, 1), (8, 8), (7, 17)])
+    for filter in ("box", "gaussian", "centre"):
+        yield Trial(filter, {"width": sizes[:, 0], "height": sizes[:, 1]}, partial(judge, filter))

@@ -14,6 +14,11 @@ from raytide.kernels.constants import PROBES
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.kernels.source import assemble
+from raytide.render import Film, Renderer
+from raytide.scene import Scene
+from raytide.scene.material_parts import SWITCHES, Material
+from raytide.scene.materials import MATERIALS
+from raytide.verify.variants import VariantDevice, variant_named
 
 FREE = np.float32(3.0e38)  # t_max of a ray that nothing ends
 ULP = 2.0**-23  # of 1
@@ -29,6 +34,18 @@ class Lab:
 
     def __post_init__(self) -> None:
         self._programs: dict[str, Program] = {}
+        self._variants: dict[str, Lab] = {}
+
+    def variant(self, name: str) -> Lab:
+        """The same bench on the same device with other arithmetic: one of VARIANTS."""
+        if name not in self._variants:
+            self._variants[name] = Lab(VariantDevice(self.device, variant_named(name)), self.full)
+        return self._variants[name]
+
+    def close(self) -> None:
+        """Lets the devices of the variants go."""
+        for lab in self._variants.values():
+            lab.device.close()
 
     def count(self, quick: int, full: int) -> int:
         """How many inputs to try."""
@@ -38,11 +55,24 @@ class Lab:
         """Random numbers of one trial; the same in every run, so that a failure can be looked at."""
         return np.random.default_rng(seed)
 
-    def tracer(self, geometry: FlatGeometry, builder: str = "sah") -> Tracer:
-        """Something to trace rays through `geometry` with; builder "none" is brute force."""
-        features = Features(tree=builder != "none", triangles=True, shapes=tuple(kinds("shape")))
-        program = self._program("trace" if features.tree else "trace_all", "probe/trace.cl", features)
+    def tracer(self, geometry: FlatGeometry, builder: str = "sah", counters: bool = False) -> Tracer:
+        """Something to trace rays through `geometry` with; builder "none" is brute force. `counters` for `visits`."""
+        tree, shapes = builder != "none", tuple(kinds("shape"))
+        features = Features(tree=tree, triangles=True, shapes=shapes, counters=counters)
+        name = ("trace" if tree else "trace_all") + "_counted" * counters
+        program = self._program(name, "probe/trace.cl", features)
         return Tracer(self.device, program, geometry, builder)
+
+    def render(self, scene: Scene, **settings: Any) -> Film:
+        """A picture, read from the device; one set of kernels serves all scenes."""
+        with self.renderer(scene, **settings) as renderer:
+            film = renderer.render()
+            _ = film.data
+        return film
+
+    def renderer(self, scene: Scene, **settings: Any) -> Renderer:
+        """What makes pictures of `scene`, with every feature built."""
+        return Renderer(scene, self.device, **{"traversal": "single", "everything": True, **settings})
 
     def function(self, name: str, a: np.ndarray, b: np.ndarray | None = None) -> np.ndarray:
         """One of PROBES on every row of `a` and `b`, (n, up to 4) float32 each: rows (n, 4) float32."""
@@ -56,6 +86,13 @@ class Lab:
         self.device.launch(program, "probe_math", count, LOCAL, *numbers, *map(self.device.upload, rows), out)
         return self.device.read(out, np.float32, 4 * count).reshape(count, 4)
 
+    def bsdf(self, material: Material) -> Bsdf:
+        """The functions of one material of a scene."""
+        switches: dict[str, Any] = dict.fromkeys(SWITCHES, True)
+        parameters = tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS))
+        features = Features(materials=parameters, tree=False, **switches)
+        return Bsdf(self.device, self._program("material", "probe/material.cl", features), material_record(material))
+
     def _program(self, name: str, entry: str, features: Features) -> Program:
         if name not in self._programs:
             self._programs[name] = self.device.build({name: assemble(entry, features)})[name]
@@ -64,6 +101,44 @@ class Lab:
     def spheres(self, *records: np.ndarray) -> Tracer:
         """A tracer of Shape records, by brute force."""
         return self.tracer(flat(shapes=np.concatenate(records)), "none")
+
+
+@dataclass
+class Bsdf:
+    """The kernels of cl/probe/material.cl on one Material record; directions (n, 3) are in the shading frame."""
+
+    device: Device
+    program: Program
+    record: np.ndarray
+
+    def sample(self, wo: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """wi (n, 3), weight (n, 3), pdf (n,), flags (n,) of numbers u (n, 4)."""
+        direction, weight = self._run("probe_sample", wo, u, 2)
+        return direction[:, :3], weight[:, :3], direction[:, 3], weight[:, 3].astype(int)
+
+    def eval(self, wo: np.ndarray, wi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """f |cos wi| (n, 3) and pdf (n,)."""
+        (value,) = self._run("probe_eval", wo, wi, 1)
+        return value[:, :3], value[:, 3]
+
+    def _run(self, kernel: str, a: np.ndarray, b: np.ndarray, outputs: int) -> list[np.ndarray]:
+        count = len(a)
+        rows = np.zeros((2, count, 4), np.float32)
+        rows[0, :, : a.shape[1]], rows[1, :, : b.shape[1]] = a, b
+        out = [self.device.empty(16 * count) for _ in range(outputs)]
+        inputs = map(self.device.upload, (self.record, *rows))
+        self.device.launch(self.program, kernel, count, LOCAL, np.uint32(count), *inputs, *out)
+        return [self.device.read(one, np.float32, 4 * count).reshape(count, 4) for one in out]
+
+
+def material_record(material: Material) -> np.ndarray:
+    """What the device gets of a material, (1,)."""
+    row = np.zeros(1, RECORDS["Material"].dtype)
+    row["kind"] = kind_number("material", material.type)
+    numbers = [x for _, values in material.parameters() for x in values]
+    for place, x in enumerate(numbers):
+        row[f"p{place // 4}"][0, place % 4] = x
+    return row
 
 
 class Tracer:
@@ -113,6 +188,12 @@ class Tracer:
         out = self.device.empty(4 * len(rays))
         self._launch("probe_boxes", len(rays), self.device.upload(nodes), self.device.upload(rays), out)
         return self.device.read(out, np.uint32, len(rays))
+
+    def visits(self, rays: np.ndarray) -> np.ndarray:
+        """Nodes and leaves (n, 2) that each ray visits on the way to its closest hit; wants `counters`."""
+        out = self.device.empty(8 * len(rays))
+        self._launch("probe_visits", len(rays), self.device.upload(rays), out)
+        return self.device.read(out, np.uint32, 2 * len(rays)).reshape(-1, 2)
 
     def _launch(self, kernel: str, count: int, *arguments: Buffer) -> None:
         self.device.launch(self.program, kernel, count, LOCAL, *self._scene, np.uint32(count), *arguments)

@@ -7,7 +7,9 @@ from functools import partial
 
 import numpy as np
 
+from raytide.kernels.features import Features
 from raytide.kernels.records import NONE
+from raytide.kernels.source import assemble
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
 from raytide.verify.lab import ULP, Lab, Tracer, f4, flat, plane_record, rays_of, unit_vectors
 
@@ -119,3 +121,47 @@ def coplanar(lab: Lab) -> Iterator[Trial]:
     aims = unit_vectors(lab.rng(206), lab.count(10_000, 1_000_000))
     aims[:, 1] = -np.abs(aims[:, 1]) - 1e-3
     yield Trial("", {"direction": f4(aims)}, judge)
+
+
+@case("P4", "geometry", "slopes of 1e-7, 1e-20 and denormal towards a plane",
+      "the same decision and t whether denormals are flushed or not; t finite",
+      "infinite t; flushing decides")  # fmt: skip
+def faint_slopes(lab: Lab) -> Iterator[Trial]:
+    record = plane_record((0, 0, 0), (0, 1, 0))
+    benches = [plane_tracer(lab, record), plane_tracer(lab.variant("flushed"), record)]
+
+    def judge(inputs: Inputs) -> Judged:
+        rays = rays_of(inputs["origin"], inputs["direction"])
+        (one, one_met), (two, two_met) = (bench.trace(rays) for bench in benches)
+        wrong = (one["prim"] != two["prim"]) | (one["t"] != two["t"]) | (one_met != two_met) | ~np.isfinite(one["t"])
+        return Judged(forbidden(wrong), {"met": int(one_met.sum())})
+
+    slopes = [s * sign for s in (1e-7, 1e-20, 1e-30, 1e-37, 1.2e-38, 1e-38, 1e-40, 1e-45) for sign in (-1, 1)]
+    rows = [(height, slope) for height in (1e-38, 1e-20, 1.0, 1e10) for slope in slopes]
+    height, slope = np.array(rows).T
+    inputs = {"origin": f4(np.stack([0 * height, height, 0 * height], 1)),
+              "direction": f4(np.stack([1 + 0 * slope, slope, 0 * slope], 1))}  # fmt: skip
+    yield Trial("", inputs, judge)
+
+
+@case("P5", "geometry", "a checkerboard's fields a million units from the origin and beyond 2^24",
+      "the field of the float32 coordinate exactly, by integers up to 2^20; a field, never NaN, beyond",
+      "x - floor(x) has 16 places left")  # fmt: skip
+def far_checker(lab: Lab) -> Iterator[Trial]:
+    features = Features(textures=("checkerboard",))
+    device = lab.device
+    program = device.build({"checker": assemble("probe/checker.cl", features)})["checker"]
+
+    def judge(inputs: Inputs) -> Judged:
+        x = inputs["x"]
+        out = device.empty(4 * len(x))
+        device.launch(program, "probe_checker", len(x), 64, np.uint32(len(x)), device.upload(x), out)
+        found = device.read(out, np.float32, len(x))
+        truth = np.floor(2 * x.astype(np.float64)) % 2
+        near = np.abs(x) < 2.0**20
+        wrong = np.where(near, found != truth, (found != 0) & (found != 1))
+        return Judged(forbidden(wrong), {"wrong": int(wrong.sum())})
+
+    rng, n = lab.rng(205), lab.count(50_000, 1_000_000)
+    x = np.concatenate([1e6 + 0.3 + rng.random(n), rng.uniform(-1, 1, n) * 2.0**20, 10.0 ** rng.uniform(-30, 30, n)])
+    yield Trial("", {"x": f4(x)}, judge)

@@ -9,14 +9,21 @@ from typing import Any
 import numpy as np
 
 import raytide.verify.boxes
+import raytide.verify.cameras
+import raytide.verify.devices
 import raytide.verify.film
+import raytide.verify.inputs
+import raytide.verify.lights
+import raytide.verify.materials
 import raytide.verify.planes
 import raytide.verify.sampling
 import raytide.verify.shading
 import raytide.verify.spheres
+import raytide.verify.transport
+import raytide.verify.trees
 import raytide.verify.triangles  # noqa: F401  these modules fill the catalogue
 from raytide.errors import RaytideError, UsageError
-from raytide.verify.case import CASES, GROUPS, Case, Trial, Verdict
+from raytide.verify.case import CASES, GROUPS, Case, Skipped, Trial, Verdict, place_of
 from raytide.verify.lab import Lab
 
 
@@ -26,7 +33,8 @@ def chosen_cases(group: str | None = None, case: str | None = None) -> list[Case
         raise UsageError(f"group: came {group!r}; wanted one of {', '.join(GROUPS)}")
     if case is not None and case not in CASES:
         raise UsageError(f"case: came {case!r}; wanted one of {', '.join(CASES)}")
-    return [one for one in CASES.values() if group in (None, one.group) and case in (None, one.id)]
+    found = [one for one in CASES.values() if group in (None, one.group) and case in (None, one.id)]
+    return sorted(found, key=lambda one: place_of(one.id))
 
 
 def run_cases(cases: Iterable[Case], lab: Lab, say: Callable[[Verdict], None] = lambda verdict: None) -> list[Verdict]:
@@ -43,7 +51,7 @@ def judge_case(case: Case, lab: Lab) -> Verdict:
     start = time.perf_counter()
     figures: dict[str, Any] = {}
     worst: dict[str, Any] | None = None
-    largest, inputs, broken = -1.0, 0, []
+    largest, inputs, broken, short = -1.0, 0, [], []
     try:
         for trial in case.trials(lab):
             judged = trial.judge(trial.inputs)
@@ -51,13 +59,17 @@ def judge_case(case: Case, lab: Lab) -> Verdict:
             inputs += len(excess)
             figures |= {f"{trial.name}: {name}" if trial.name else name: x for name, x in judged.figures.items()}
             broken += [f"{trial.name}: {name}" for name, true in judged.whole.items() if not true]
+            short += [trial.name] * bool(trial.name and len(excess) and excess.max() > 1)
             if len(excess) and excess.max() > largest:
                 largest = float(excess.max())
                 worst = record_of(trial, int(np.argmax(excess)))
+    except Skipped as reason:
+        return verdict(case, "skipped", inputs, largest, figures, worst, start, str(reason))
     except RaytideError as error:
         return verdict(case, "error", inputs, largest, figures, worst, start, str(error))
     state = "falls short" if largest > 1.0 or broken else "holds"
-    return verdict(case, state, inputs, largest, figures, worst, start, "; ".join(broken))
+    words = [f"beyond the bar: {', '.join(short)}"] * bool(short) + broken
+    return verdict(case, state, inputs, largest, figures, worst, start, "; ".join(words))
 
 
 def verdict(case: Case, state: str, inputs: int, excess: float, figures: dict, worst: dict | None, start: float,

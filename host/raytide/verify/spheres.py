@@ -11,9 +11,12 @@ from functools import partial
 
 import numpy as np
 
+import raytide as rt
 from raytide.kernels.records import NONE
+from raytide.scene import Camera, Scene, sphere
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
-from raytide.verify.lab import ULP, Lab, f4, rays_of, sphere_record, ulp, unit_vectors
+from raytide.verify.host import refusal
+from raytide.verify.lab import ULP, Lab, f4, flat, plane_record, rays_of, sphere_record, ulp, unit_vectors
 
 Long = np.longdouble
 
@@ -189,3 +192,60 @@ def shells(lab: Lab) -> Iterator[Trial]:
         inputs = {"origin": origin, "direction": f4(unit_vectors(rng, n) * 0.5 - origin)}
         inner = float(f4(1 - gap * ULP))
         yield Trial(f"gap {gap} ulp", inputs, partial(judge_gap, inner))
+
+
+@case("S3", "geometry", "the same planet under an eye 1 cm up: closer than float32 tells at the centre's distance",
+      "the scene says that the camera is too near to the surface for its radius",
+      "t = 0 on all rays; 86 % off by a two-product c, for the centre has been rounded")  # fmt: skip
+def planet_underfoot(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        warned = []
+        for height, radius in zip(inputs["height"], inputs["radius"], strict=True):
+            scene = Scene(camera=Camera(origin=(0, float(height), 0), target=(9, 0, 0)))
+            scene.add(sphere((0, -float(radius), 0), float(radius)), rt.Diffuse(0.5), name="planet")
+            warned.append(any("planet" in words and "float32" in words for words in scene.flatten().warnings))
+        close = inputs["height"] < inputs["radius"] * 2.0**-20
+        return Judged(forbidden(np.array(warned) != close), {"warned": int(np.sum(warned))})
+
+    height = np.array([0.01, 1e-4, 1.0, 0.01, 0.01, 1e3])
+    yield Trial("", {"height": height, "radius": np.array([6.371e6, 6.371e6, 6.371e6, 1e5, 1.0, 1.0])}, judge)
+
+
+@case("S9", "geometry", "shadow of a ball on a plane, from 0.0028 radii beside the point of contact on",
+      "dark up to the contact: no ray passes under the ball",
+      "an epsilon of 1e-4 lights a ring of 0.014 radii")  # fmt: skip
+def contact(lab: Lab) -> Iterator[Trial]:
+    def judge(radius: float, inputs: Inputs) -> Judged:
+        ball = sphere_record((0, radius, 0), radius)
+        traced = lab.tracer(flat(shapes=np.concatenate([plane_record((0, 0, 0), (0, 1, 0)), ball]), planes=1), "none")
+        rays = rays_of(inputs["origin"], f4([[0, -1, 0]]))
+        hits, _ = traced.trace(rays)
+        start = traced.surfaces(rays, hits, inputs["direction"])["origin"]
+        _, dark = traced.trace(rays_of(start, inputs["direction"], t_max=1.0, left=hits["prim"]))
+        lit = (hits["prim"] != 0) | ~dark
+        return Judged(forbidden(lit), {"lit": int(lit.sum())})
+
+    for radius in (1e-3, 1.0, 1e4):
+        rng, n = lab.rng(109), lab.count(20_000, 500_000)
+        size = float(f4(radius))
+        beside = rng.uniform(2.8e-3, 0.5, n) * np.where(rng.random(n) < 0.5, 1.0, 0.01 / 0.5)
+        beside = np.maximum(beside, 2.8e-3)
+        turn = rng.uniform(0, 2 * np.pi, n)
+        at = np.stack([beside * np.cos(turn), beside**2 / 4, beside * np.sin(turn)], 1) * size
+        lamp = np.array([0.0, 10.0, 0.0]) * size + unit_vectors(rng, n) * size * [1, 0, 1]
+        inputs = {"origin": f4(at), "direction": f4(lamp - at * [1, 0, 1])}
+        yield Trial(f"r {radius:g}", inputs, partial(judge, size))
+
+
+@case("S10", "geometry", "radii of 0, below 0, NaN, infinity, 1e-38 and 1e19",
+      "refused by the host, with the object's name",
+      "r^2 is 0 or infinite")  # fmt: skip
+def impossible_radii(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        told = []
+        for radius in inputs["radius"]:
+            ball = {"type": "sphere", "radius": float(radius), "material": "m"}
+            told.append(refusal({"objects": {"ball": ball}}) == ["objects.ball.radius"])
+        return Judged(forbidden(~np.array(told)), {"refused": f"{sum(told)} of {len(told)}"})
+
+    yield Trial("", {"radius": np.array([0.0, -1.0, np.nan, np.inf, 1e-38, 1e19])}, judge)

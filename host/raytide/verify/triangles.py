@@ -10,9 +10,12 @@ from functools import partial
 
 import numpy as np
 
+import raytide as rt
 from raytide.accel import FlatGeometry
 from raytide.kernels.records import NONE
+from raytide.scene import Camera, Scene, mesh
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
+from raytide.verify.host import refusal
 from raytide.verify.lab import ULP, Lab, f4, flat, rays_of, unit_vectors
 
 FAR_PLACE = (148376.0, 1234.0, -223423.0)  # the triangles of the 200-ring sphere are 2 ulp wide there
@@ -198,3 +201,88 @@ def duplicates(lab: Lab) -> Iterator[Trial]:
     count = lab.count(20_000, 1_000_000)
     origin = f4(unit_vectors(rng, count) * 4)
     yield Trial("", {"origin": origin, "direction": f4(rng.normal(size=(count, 3)) - origin)}, judge)
+
+
+@case("T5", "geometry", "rays that leave the closed sphere across edges and vertices, followed onward",
+      "one crossing: after the hit nothing is met again",
+      "Moeller-Trumbore 34 to 61 % twice; sheared, at vertices, 46 %")  # fmt: skip
+def one_crossing(lab: Lab) -> Iterator[Trial]:
+    geometry = ring_sphere(RINGS, SEGMENTS)
+    traced = lab.tracer(geometry)
+
+    def judge(inputs: Inputs) -> Judged:
+        rays = rays_of(inputs["origin"], inputs["direction"])
+        hits, _ = traced.trace(rays)
+        start = traced.surfaces(rays, hits, inputs["direction"])["origin"]
+        second, met = traced.trace(rays_of(start, inputs["direction"], left=hits["prim"]))
+        again, _ = traced.trace(rays)
+        wrong = (hits["prim"] == NONE) | (second["prim"] != NONE) | met | (again["prim"] != hits["prim"])
+        return Judged(forbidden(wrong), {"met twice": int(met.sum())})
+
+    for at, seed in (("edges", 314), ("vertices", 315)):
+        yield Trial(at, aimed(geometry, (0.0, 0.0, 0.0), at, lab.rng(seed), lab.count(50_000, 1_000_000)), judge)
+
+
+@case("T7", "geometry", "triangles of equal or collinear corners, at sizes from 1e-6 to 1e6",
+      "dropped and counted by the scene; equal corners are never met even where they come through",
+      "a normal of 0/0")  # fmt: skip
+def no_area(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        corners, n = inputs["corners"], len(inputs["corners"])
+        traced = lab.tracer(flat(corners.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3)))
+        wide = corners.astype(np.float64)
+        hits, met = traced.trace(rays_of(inputs["origin"], f4(wide.mean(1) - inputs["origin"])))
+        scene = Scene(camera=Camera(origin=(0, 0, 4), target=(0, 0, 0)))
+        sound = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+        points = np.concatenate([sound, wide.reshape(-1, 3)])
+        scene.add(mesh(vertices=points, faces=np.arange(len(points)).reshape(-1, 3)), rt.Diffuse(0.5), name="m")
+        made = scene.flatten()
+        told = f"dropped {n} triangles of zero area" in " ".join(made.warnings) and len(made.triangles) == 1
+        point = (corners[:, 0] == corners[:, 1]).all(1) & (corners[:, 0] == corners[:, 2]).all(1)
+        found = point[np.where(hits["prim"] == NONE, 0, hits["prim"])] & met
+        return Judged(forbidden(found), {"lines met": int((met & ~found).sum())}, {"dropped and counted": told})
+
+    rng, n = lab.rng(316), lab.count(1_000, 20_000)
+    a = rng.integers(-512, 512, (n, 3)).astype(float)
+    step = rng.integers(-512, 512, (n, 3)).astype(float)
+    kind = rng.integers(3, size=(n, 1))
+    b = np.where(kind == 0, a, a + step)
+    c = np.where(kind == 0, a, np.where(kind == 1, a, a + 2 * step))  # whole numbers: exactly in line
+    size = 2.0 ** rng.integers(-20, 20, (n, 1, 1))
+    corners = f4(np.stack([a, b, c], 1) / 512 * size)
+    yield Trial("", {"corners": corners, "origin": f4(unit_vectors(rng, n) * size[:, 0] * 4)}, judge)
+
+
+@case("T11", "geometry", "a mesh and its rays at scales 2^-50 to 2^50; coordinates beyond 1.8e18",
+      "the same triangles and the same digits of t at every scale; beyond it the scene drops and tells",
+      "infinity less infinity at 1e19")  # fmt: skip
+def every_scale(lab: Lab) -> Iterator[Trial]:
+    rng, count = lab.rng(317), 500
+    corners = rng.normal(size=(count, 1, 3)) + rng.normal(size=(count, 3, 3)) * 0.2
+    faces = np.arange(3 * count).reshape(-1, 3)
+    plain = lab.tracer(flat(f4(corners).reshape(-1, 3), faces))
+
+    def judge(scale: float, inputs: Inputs) -> Judged:
+        geometry = flat(f4(corners).reshape(-1, 3).astype(np.float64) * scale, faces)
+        rays = rays_of(inputs["origin"], inputs["direction"])
+        scaled = rays_of(f4(inputs["origin"] * np.float32(scale)), inputs["direction"])
+        (one, _), (two, _) = plain.trace(rays), lab.tracer(geometry).trace(scaled)
+        met = one["prim"] != NONE
+        t = np.where(met, one["t"], 0).astype(np.float64) * scale
+        same = (one["prim"] == two["prim"]) & (~met | (t == two["t"]))
+        return Judged(forbidden(~same), {"met": f"{met.mean():.0%}"})
+
+    n = lab.count(10_000, 100_000)
+    origin = f4(unit_vectors(rng, n) * 4)
+    inputs = {"origin": origin, "direction": f4(rng.normal(size=(n, 3)) - origin)}
+    for power in (-50, -30, 30, 50):
+        yield Trial(f"2^{power}", inputs, partial(judge, 2.0**power))
+
+    def beyond(inputs: Inputs) -> Judged:
+        told = []
+        for size in inputs["size"]:
+            far = {"type": "mesh", "vertices": [[0, 0, 0], [float(size), 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
+            told.append(refusal({"objects": {"far": far | {"material": "m"}}}) != [])
+        return Judged(forbidden(np.array(told) != (inputs["size"] > 1.8e18)), {"refused": int(np.sum(told))})
+
+    yield Trial("largest", {"size": np.array([1.0, 1e18, 1.7e18, 1.9e18, 1e19, 1e30])}, beyond)

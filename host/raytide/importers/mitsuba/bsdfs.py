@@ -76,7 +76,7 @@ def _table(build: Build, plugin: Plugin, two_sided: bool) -> Table | None:
 
 def _sided(build: Build, table: Table, reader: Reader | None) -> Table:
     """Mitsuba's opaque BSDFs are black from behind, unless inside `twosided`."""
-    if table["type"] in CLEAR or table.get("spec_trans"):
+    if table["type"] in (*CLEAR, "blend") or table.get("spec_trans"):
         return table
     if build.has("materials", table["type"], "two_sided"):
         return table | {"two_sided": False}
@@ -96,7 +96,9 @@ def _twosided(reader: Reader) -> Table | None:
     if any(one.type in CLEAR_BSDFS for one in inner):
         reader.problem("", f"the transparent {inner[0].type!r} inside it", "an opaque BSDF")
         return None
+    before, reader.build.two_sided = reader.build.two_sided, True
     tables = [_table(reader.build, one, two_sided=True) for one in inner]
+    reader.build.two_sided = before
     if None in tables:
         return None
     if len(tables) == 2 and tables[0] != tables[1]:
@@ -140,7 +142,7 @@ def _normalmap(reader: Reader) -> Table | None:
             reader.problem("normalmap", "nothing (the parameter is missing)", "a texture of normals")
         return None
     normals = reader.build.textures.value(reader, "normalmap", item, colour=True)
-    return None if table is None else table | {"normal_map": normals}
+    return None if table is None else table | {"normal_map": normals, "normal_green": "across"}
 
 
 def _check_frames(reader: Reader) -> None:
@@ -159,8 +161,17 @@ def _blendbsdf(reader: Reader) -> Table | None:
     if not reader.build.has("materials", "blend"):
         reader.lacks("the bsdf 'blendbsdf'", "one BSDF")
         return None
-    names = [material_of(reader.build, item.value, reader.plugin) for item in inner]
-    return {"type": "blend", "first": names[0], "second": names[1], "weight": weight}
+    build = reader.build
+    tables = [_table(build, item.value, build.two_sided) for item in inner]
+    parts = [(table, item.value) for table, item in zip(tables, inner, strict=True) if table is not None]
+    if len(parts) != 2:
+        return None
+    if any("opacity" in table for table, _ in parts):
+        reader.lacks("a mask inside it", "a mask around it")
+        return None
+    build.textured |= any(bool(ANISOTROPIC & set(table)) for table, _ in parts)
+    first, second = (build.put("materials", table, plugin) for table, plugin in parts)
+    return {"type": "blend", "first": first, "second": second, "weight": weight}
 
 
 # materials

@@ -1,0 +1,168 @@
+"""Results put side by side: what changed around them first, then what changed in them, with intervals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raytide.bench.show import aligned, figure, measurements
+from raytide.errors import UsageError
+
+_RESAMPLES = 2000
+# What is looked at where environments are compared, in this order.
+_LOOKED_AT = (
+    ("tool", ("version", "git_commit", "git_dirty", "suite_sha256", "kernels_sha256")),
+    ("device", ("id", "name", "platform_version", "driver", "device_version", "compute_units", "options",
+                "driver_files")),
+    ("host", ("cpu_model", "cpu_logical", "cpu_allowed", "mem_bytes", "governor", "kernel", "python", "numpy",
+              "pyopencl")),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement in both results. `ratio` is new over old, above 1 being better, with its 95 % interval."""
+
+    part: str
+    name: str
+    old: float
+    new: float
+    unit: str
+    ratio: float
+    low: float
+    high: float
+
+    @property
+    def word(self) -> str:
+        """What the interval says."""
+        return "better" if self.low > 1 else "worse" if self.high < 1 else "same within noise"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All rows that two results share, what differs around them, and what could not be compared, with reasons."""
+
+    differences: list[tuple[str, str, str]]
+    rows: list[Row]
+    left_out: list[tuple[str, str]]
+
+    def regressions(self, share: float) -> list[Row]:
+        """Rows that became worse by more than `share`, and by more than noise."""
+        return [row for row in self.rows if row.ratio < 1 - share and row.high < 1]
+
+
+def share_of(text: str) -> float:
+    """`5%` or `0.05` as 0.05. Raises UsageError."""
+    found = re.fullmatch(r"\s*(\d{1,9}(?:\.\d{1,9})?)\s*(%?)\s*", text)
+    value = float(found[1]) / (100 if found[2] else 1) if found else -1.0
+    if not 0 <= value < 1:
+        raise UsageError(f"fail-above: came {text!r}; wanted a share such as 5% or 0.05")
+    return value
+
+
+def check_keys(old: dict[str, Any], new: dict[str, Any], force: bool) -> None:
+    """Refuse results of other suites or classes, which measure other work. Raises UsageError."""
+    pairs = [("suite_version", old["tool"]["suite_version"], new["tool"]["suite_version"]),
+             ("class", old["class"], new["class"]),
+             ("plan", old["plan"]["name"], new["plan"]["name"])]  # fmt: skip
+    same_device = old["device_id"] == new["device_id"]
+    if not same_device:  # two versions on one device may differ in kernels, two devices may not
+        pairs.append(("kernels_sha256", old["tool"]["kernels_sha256"][:12], new["tool"]["kernels_sha256"][:12]))
+    bad = [f"{name}: {a} and {b}" for name, a, b in pairs if a != b]
+    if bad and not force:
+        raise UsageError(f"the results are of other work ({'; '.join(bad)}); --force compares them nevertheless")
+
+
+def compare(old: dict[str, Any], new: dict[str, Any], force: bool = False) -> Comparison:
+    """`new` against `old`. Raises UsageError where their keys differ, unless forced."""
+    check_keys(old, new, force)
+    before = {(part, name): one for part, name, one in measurements(old)}
+    rows, left_out = [], []
+    for part, name, one in measurements(new):
+        other = before.pop((part, name), None)
+        reason = why_not(other, one, force)
+        if reason:
+            left_out.append((f"{part} {name}", reason))
+        else:
+            assert other is not None
+            rows.append(row_of(part, name, other, one))
+    left_out += [(f"{part} {name}", "only in the first") for part, name in before]
+    return Comparison(list(differences(old, new)), rows, left_out)
+
+
+def why_not(old: dict[str, Any] | None, new: dict[str, Any], force: bool) -> str | None:
+    """Why two measurements cannot be compared."""
+    if old is None:
+        return "only in the second"
+    for which, one in (("first", old), ("second", new)):
+        if one["status"] != "ok":
+            return f"{one['status']} in the {which}: {one['reason']}"
+    if old.get("workload_sha256") != new.get("workload_sha256") and not force:
+        return "another workload: scene, settings or reference changed"
+    return None
+
+
+def row_of(part: str, name: str, old: dict[str, Any], new: dict[str, Any]) -> Row:
+    """A ratio of medians with its bootstrap interval, from the raw values."""
+    a, b = (values_of(one) for one in (old, new))
+    rng = np.random.Generator(np.random.PCG64(20261122))
+    picks = [x[rng.integers(0, len(x), (_RESAMPLES, len(x)))] for x in (a, b)]
+    old_medians, new_medians = (np.median(x, axis=1) for x in picks)
+    low, high = np.percentile(old_medians / new_medians, (2.5, 97.5))
+    summary = new["summary"]
+    return Row(part, name, old["summary"]["median"], summary["median"], summary["unit"],
+               summary["median"] / old["summary"]["median"], float(low), float(high))  # fmt: skip
+
+
+def values_of(one: dict[str, Any]) -> np.ndarray:
+    """Seconds of one unit of work, of each value."""
+    summary = one["summary"]
+    if "values" in summary:  # rates
+        return 1.0 / np.array(summary["values"])
+    seconds = np.array(one["timing"]["values_s"] if "timing" in one else one["values_s"], np.float64)
+    return seconds / (summary["median"] * float(np.median(seconds)))
+
+
+def differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """(what, in the old, in the new) of everything around the numbers that differs."""
+    for group, keys in _LOOKED_AT:
+        for key in keys:
+            a, b = ((one.get(group) or {}).get(key) for one in (old, new))
+            if a != b:
+                yield f"{group}.{key}", short(a), short(b)
+    for name in sorted({*old["env"], *new["env"]}):
+        a, b = (one["env"].get(name) for one in (old, new))
+        if a != b:
+            yield f"env.{name}", short(a), short(b)
+    for key in ("edited",):
+        if old.get(key) or new.get(key):
+            yield "the file was edited", short(bool(old.get(key))), short(bool(new.get(key)))
+
+
+def short(value: Any) -> str:
+    """A value in a few words."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return ", ".join(f"{one.get('name')} {str(one.get('sha256'))[:8]}" for one in value)
+    text = "not set" if value is None else str(value)
+    return text[:12] if re.fullmatch(r"[0-9a-f]{40,64}", text) else text
+
+
+def comparison_text(names: Sequence[str], found: Comparison) -> str:
+    """For a terminal."""
+    parts = [f"{names[1]} against {names[0]}"]
+    if found.differences:
+        parts.append(aligned(["WHAT DIFFERS", "", " "], [list(row) for row in found.differences]))
+    if found.rows:
+        rows = [[f"{row.part} {row.name}", figure(row.old, unit(row)), figure(row.new, unit(row)), f"{row.ratio:.3f}",
+                 f"{row.low:.3f} to {row.high:.3f}", row.word] for row in found.rows]  # fmt: skip
+        parts.append(aligned(["MEASUREMENT", "OLD", "NEW", "NEW / OLD", "95 %", ""], rows))
+    parts += ["\n".join(f"left out: {name}: {reason}" for name, reason in found.left_out)] if found.left_out else []
+    return "\n\n".join(parts)
+
+
+def unit(row: Row) -> str:
+    return "/s" if row.unit == "1/s" else row.unit

@@ -1,0 +1,206 @@
+"""The result file, `*.bench.json`: one device, one run. Readers ignore keys that they do not know."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+SCHEMA = "raytide.bench/1"
+Status = Literal["ok", "invalid", "unsupported", "skipped", "error"]
+
+
+class Open(BaseModel):
+    """A table that may hold more than is listed."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class Part(Open):
+    """Anything that was measured, or was to be."""
+
+    status: Status = Field(description="ok; invalid: wrong results; unsupported; skipped; error: the device failed")
+    reason: str | None = Field(None, description="why the status is not ok")
+
+
+class Summary(Open):
+    """Repeated values in few numbers; never the best of them."""
+
+    metric: str
+    unit: str
+    higher_is_better: bool
+    median: float
+    mad: float = Field(description="median absolute deviation")
+    min: float
+    max: float
+    n: int = Field(ge=1)
+    ci95: tuple[float, float] = Field(description="bootstrap interval of the median")
+    cv: float = Field(description="coefficient of variation")
+    unstable: bool = Field(description="cv of 0.1 or more")
+    drifting: bool = Field(description="the last third is more than 3 % off the first")
+
+
+class Tool(Open):
+    version: str
+    git_commit: str | None
+    git_dirty: bool | None
+    suite_version: str
+    suite_sha256: str
+    kernels_sha256: str
+
+
+class Host(Open):
+    os: str
+    kernel: str
+    architecture: str
+    cpu_model: str
+    cpu_logical: int | None
+    mem_bytes: int | None
+    virtualised: bool
+    container: bool
+    load_avg_1m_start: float | None
+    load_avg_1m_end: float | None = None
+    python: str
+    numpy: str
+    pyopencl: str
+
+
+class DriverFile(Open):
+    role: Literal["icd", "driver", "loader"]
+    name: str
+    sha256: str | None
+
+
+class DeviceRecord(Open):
+    id: str
+    name: str
+    type: Literal["gpu", "cpu", "other"]
+    platform: str
+    platform_version: str
+    vendor: str
+    driver: str
+    device_version: str
+    compute_units: int = Field(description="as the driver says; drivers may say what is not so")
+    max_clock_mhz: int
+    global_mem_bytes: int
+    max_alloc_bytes: int
+    options: list[str]
+    driver_files: list[DriverFile]
+
+
+class PeakRow(Part):
+    name: str
+    doc: str
+    summary: Summary | None = None
+    values_s: list[float] = []
+
+
+class Peaks(Part):
+    """Best figures by kind as numbers (fp32_flop_per_s, read_byte_per_s, ...), and every measurement."""
+
+    rows: list[PeakRow] = []
+
+
+class BuildRow(Part):
+    builder: str
+    triangles: int
+    summary: Summary | None = None
+    sah_cost: float | None = None
+
+
+class Builds(Part):
+    rows: list[BuildRow] = []
+
+
+class Rays(Part):
+    scenes: dict[str, Any] = {}
+    scaling: dict[str, Any] = {}
+    brute_force: dict[str, Any] = {}
+
+
+class Validity(Open):
+    passed: bool
+    same_samples: dict[str, Any] | None = None
+    unbiased: dict[str, Any] | None = None
+    counters: dict[str, Any] | None = None
+    counters_match: bool | None = None
+
+
+class Timing(Open):
+    clock: str
+    work_per_value: dict[str, float]
+    warmup_s: list[float]
+    values_s: list[float]
+    t_offset_s: list[float]
+    event_s: list[float]
+
+
+class Kernel(Open):
+    name: str
+    launches: int
+    event_s: float
+    share: float
+    limiter: str | None = None
+
+
+class Workload(Part):
+    id: str
+    version: int | None = None
+    workload_sha256: str | None = None
+    settings: dict[str, Any] = {}
+    tuning: dict[str, Any] = {}
+    scene: dict[str, Any] = {}
+    validity: Validity | None = None
+    cold: dict[str, Any] = {}
+    timing: Timing | None = None
+    summary: Summary | None = None
+    kernels: list[Kernel] = []
+    ledger: dict[str, Any] | None = None
+
+
+class Score(Open):
+    """Geometric mean over the workloads; null where any of them was not valid."""
+
+    name: str = Field(description="Score or Quick score")
+    value: float | None
+    reference_table: str
+    method: str
+    valid_workloads: int
+    of: int
+    parts: dict[str, float] = {}
+
+
+class Integrity(Open):
+    canonical_sha256: str = Field(description="of the file without this table: detects edits, prevents no forging")
+
+
+class Result(Open):
+    """One run on one device."""
+
+    schema_: Literal["raytide.bench/1"] = Field(alias="schema")
+    run_id: str
+    created_utc: str
+    duration_s: float
+    suite: str
+    class_: Literal["closed", "open"] = Field(alias="class", description="closed: raytide as shipped, nothing set")
+    class_reasons: list[str]
+    verification: Literal["unverified", "reproduced"]
+    command: str
+    tool: Tool
+    host: Host
+    device: DeviceRecord | None = Field(description="null where the device could not even be opened")
+    device_id: str
+    env: dict[str, str]
+    peaks: Peaks | None = None
+    build: Builds | None = None
+    rays: Rays | None = None
+    workloads: list[Workload] = []
+    score: Score | None = None
+    problems: list[str] = []
+    integrity: Integrity
+
+
+def json_schema() -> dict[str, Any]:
+    """The published schema of result files."""
+    found = {**Result.model_json_schema(by_alias=True), "title": SCHEMA}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}

@@ -1,0 +1,96 @@
+"""How much is measured, and the repeating of measurements."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raytide.report.summary import summarise
+
+STEADY_CV = 0.03  # values are repeated while they spread more
+DRIFT = 0.03  # relative: last third against first third
+SUITES = ("quick", "full", "peaks", "build", "rays", "renders")
+PARTS = ("peaks", "build", "rays", "renders")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """`values` of `value_s` seconds each, up to `most_values` while they are unsteady. Sizes of pictures, meshes and
+    buffers follow."""
+
+    name: str
+    values: int
+    most_values: int
+    value_s: float
+    warmup_s: float
+    size: tuple[int, int]  # pixels of a timed picture
+    triangles: tuple[int, ...]  # of the meshes that trees are built of
+    buffer_bytes: int
+    ledger: bool  # whether kernels with everything in them are built too, to compare with
+    ray_pixels: int
+    ray_limit_s: float
+
+
+FULL = Plan("full", 7, 14, 0.5, 2.0, (480, 288), (10_000, 100_000, 1_000_000), 256 << 20, True, 1024, 150.0)
+QUICK = Plan("quick", 5, 8, 0.25, 0.5, (320, 192), (10_000, 100_000), 128 << 20, False, 256, 25.0)
+
+
+@dataclass(frozen=True)
+class Values:
+    """Seconds of repeated equal work, when each began (seconds from the first), and what warming up took."""
+
+    values_s: list[float]
+    offsets_s: list[float]
+    warmup_s: list[float]
+    event_s: list[float]
+
+
+def repeat(work: Callable[[], float], plan: Plan) -> Values:
+    """Times `work`, which ends when all is done and gives its device seconds. First it warms up: until two values in
+    a row agree within 3 % and the plan's time is over, ten times at most."""
+    warmup: list[float] = []
+    while len(warmup) < 10 and not warm(warmup, plan.warmup_s):
+        warmup.append(timed(work)[0])
+    values: list[float] = []
+    events: list[float] = []
+    offsets: list[float] = []
+    begun = time.perf_counter()
+    while len(values) < plan.values or (len(values) < plan.most_values and not summarise(values).cv <= STEADY_CV):
+        offsets.append(time.perf_counter() - begun)
+        seconds, event = timed(work)
+        values.append(seconds)
+        events.append(event)
+    return Values(values, offsets, warmup, events)
+
+
+def warm(seconds: list[float], least_s: float) -> bool:
+    agree = len(seconds) > 1 and abs(seconds[-1] / seconds[-2] - 1) <= STEADY_CV
+    return agree and sum(seconds) >= least_s
+
+
+def timed(work: Callable[[], float]) -> tuple[float, float]:
+    begun = time.perf_counter_ns()
+    event = work()
+    return (time.perf_counter_ns() - begun) / 1e9, event
+
+
+def summary_of(amount: float, values: list[float], metric: str, unit: str = "1/s") -> dict[str, Any]:
+    """`amount` of work over each of `values` seconds, summarised for JSON."""
+    rates = [amount / max(seconds, 1e-9) for seconds in values]
+    return {"metric": metric, "unit": unit, "higher_is_better": True, **summarise(rates).as_dict(),
+            "drifting": drifting(rates)}  # fmt: skip
+
+
+def drifting(values: list[float]) -> bool:
+    """Whether the last third is off the first by more than DRIFT, and by more than their spread explains."""
+    third = len(values) // 3
+    if third < 2:
+        return False
+    first, last = np.array(values[:third]), np.array(values[-third:])
+    off = abs(float(last.mean() / first.mean()) - 1)
+    spread = float(np.std(values, ddof=1) / np.mean(values)) * (2 / third) ** 0.5
+    return off > DRIFT and off > 2 * spread

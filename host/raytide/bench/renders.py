@@ -1,0 +1,184 @@
+"""Suite `renders`: each workload verified first, then timed; a rate counts only where the picture was right."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytide.bench.ledger import ledger
+from raytide.bench.plan import Plan, repeat, summary_of
+from raytide.bench.references import Reference, load_references
+from raytide.bench.roofline import kernels_of
+from raytide.bench.validity import Validity, verify
+from raytide.bench.workloads import WORKLOADS, Workload
+from raytide.device import Device
+from raytide.render import Renderer
+from raytide.scene import Scene
+
+SEED = 20261125  # of timed pictures
+SCALE_DOUBT = 0.01  # relative: a timed picture's mean may differ from the reference's by this, beside its noise
+MOST_SPP = 1 << 16
+Say = Callable[[str], None]
+
+
+def measure_render(
+    device: Device, name: str, plan: Plan, say: Say, scramble: int | None = None, soak_s: float = 0.0
+) -> dict[str, Any]:
+    """One workload: status, validity, cold times, timing, summary, kernels, and the ledger where the plan has it.
+
+    `scramble` is the seed by which triangles are permuted. `soak_s` adds a long run, whose drift is told.
+    """
+    workload, reference = WORKLOADS[name], load_references()[name]
+    with tempfile.TemporaryDirectory(prefix="raytide-bench-") as folder:
+        order = None if scramble is None else np.random.default_rng(scramble)
+        scene = workload.make(Path(folder), order)
+        out = header(workload, reference, scene, plan)
+        say(f"{name}: verifying")
+        validity, cold = verified(device, scene, workload, reference, scramble is not None)
+        out |= {"validity": validity.as_dict(), "cold": cold}
+        say(f"{name}: timing")
+        out |= timed(device, scene, workload, reference, plan, validity, soak_s)
+        if plan.ledger:
+            say(f"{name}: what leaving out saves")
+            out["ledger"] = ledger(device, scene, workload, plan)
+    out["status"] = "ok" if validity.passed else "invalid"
+    out["reason"] = "; ".join(validity.reasons) or None
+    out["validity"] = validity.as_dict()
+    return out
+
+
+def header(workload: Workload, reference: Reference, scene: Scene, plan: Plan) -> dict[str, Any]:
+    """What is measured, by name and by hash: version, settings and reference. The scene's own digest is only told: it
+    changes with every key that scenes learn, used or not. That the scene shows the same is the reference's to tell."""
+    import hashlib
+    import json
+
+    settings = {"width": plan.size[0], "height": plan.size[1], "max_depth": workload.max_depth, "seed": SEED}
+    scene_sha256 = scene.sha256()
+    text = json.dumps([workload.id, workload.version, settings, reference.sha256], sort_keys=True)
+    return {
+        "id": workload.id, "version": workload.version, "stresses": workload.stresses,
+        "workload_sha256": hashlib.sha256(text.encode()).hexdigest(), "scene_sha256": scene_sha256,
+        "settings": settings,
+    }  # fmt: skip
+
+
+def verified(
+    device: Device, scene: Scene, workload: Workload, reference: Reference, scrambled: bool
+) -> tuple[Validity, dict[str, Any]]:
+    """The verdict, and what the first picture cost, before anything was warm."""
+    with Renderer(scene, device, max_depth=workload.max_depth) as renderer:
+        renderer.render(spp=1)
+        programs = renderer.programs.values()
+        cold = {
+            "prepare_s": {stage: seconds for stage, seconds in renderer.times.items() if stage != "readback"},
+            "first_image_s": sum(renderer.times.values()) + (renderer.frame.seconds if renderer.frame else 0.0),
+            "builds": [
+                {"program": one.name, "source_sha256": one.sha256, "build_s": one.build_s, "cache": one.cache,
+                 "first_launch_s": one.first_launch_s, "log_lines": len(one.log.splitlines())}
+                for one in programs
+            ],
+        }  # fmt: skip
+        return verify(renderer, reference, scrambled), cold
+
+
+def timed(
+    device: Device, scene: Scene, workload: Workload, reference: Reference, plan: Plan, validity: Validity,
+    soak_s: float,
+) -> dict[str, Any]:
+    """Equal pictures, again and again, without verification between them."""
+    device.reset_peak()
+    with Renderer(scene, device, max_depth=workload.max_depth, size=plan.size, seed=SEED) as renderer:
+        spp = samples_for(renderer, plan.value_s)
+
+        def once() -> float:
+            renderer.restart(SEED)
+            renderer.render(spp=spp)
+            return renderer.frame.device_seconds if renderer.frame else 0.0
+
+        found = repeat(once, plan)
+        rays, film = renderer.rays.total, renderer.film
+        check_timed(film, reference, validity)
+        samples = spp * plan.size[0] * plan.size[1]
+        assert renderer.frame is not None
+        waves = renderer.report()["waves"]
+        summary = summary_of(rays, found.values_s, "rays")
+        summary["samples_per_s"] = samples / float(np.median(found.values_s))
+        summary |= error_after(renderer, 1.0)
+        out: dict[str, Any] = {
+            "timing": {
+                "clock": "perf_counter_ns", "work_per_value": {"rays": rays, "samples": samples, "spp": spp},
+                "warmup_s": found.warmup_s, "values_s": found.values_s, "t_offset_s": found.offsets_s,
+                "event_s": found.event_s, "event_gap_frac": gap(found.values_s, found.event_s),
+            },
+            "summary": summary,
+            "tuning": {"traversal": dict(renderer.waves.traced_by if renderer.waves else {}),
+                       "wave_paths": renderer.plan.capacity, "samples_in_flight": renderer.plan.samples},
+            "scene": {"triangles": len(renderer.packed.geometry.triangles), "bvh_nodes": renderer.forest.stats.nodes,
+                      "bvh_build_s": renderer.forest.stats.build_s, "upload_s": renderer.times["upload"],
+                      "device_mem_peak_bytes": device.peak_bytes},
+        }  # fmt: skip
+        if soak_s:
+            out["soak"] = soak(once, rays, soak_s)
+        out["kernels"] = kernels_of(renderer, waves)
+    return out
+
+
+def samples_for(renderer: Renderer, seconds: float) -> int:
+    """Samples a pixel of a value: doubled until a third of `seconds` is filled, then in proportion."""
+    spp = 1
+    while True:
+        renderer.restart(SEED)
+        renderer.render(spp=spp)
+        assert renderer.frame is not None
+        spent = renderer.frame.seconds
+        if spent >= seconds / 3 or spp >= MOST_SPP:
+            return max(1, min(MOST_SPP, round(spp * seconds / max(spent, 1e-9))))
+        spp *= 2
+
+
+def check_timed(film: Any, reference: Reference, validity: Validity) -> None:
+    """Whether what was timed is the picture that was verified: its mean, which does not depend on size."""
+    mean = film.rgb.astype(np.float64).mean(axis=(0, 1))
+    variance = film.variance.astype(np.float64).sum(axis=(0, 1)) / (film.rgb.shape[0] * film.rgb.shape[1]) ** 2
+    noise = 6 * np.sqrt(np.nan_to_num(2 * variance, nan=np.inf) + reference.picture_variance / 256)
+    ratio = mean / reference.picture
+    validity.figures["timed_mean_ratio"] = ratio.tolist()
+    if not bool((np.abs(mean - reference.picture) <= noise + SCALE_DOUBT * reference.picture).all()):
+        shares = f"{ratio.min():.4f} to {ratio.max():.4f}"
+        validity.reasons.append(f"the timed picture's mean is {shares} of the reference's")
+    if lost := sum(film.health.values()):
+        validity.reasons.append(f"{lost} samples of the timed picture were not finite or negative")
+
+
+def gap(values: list[float], events: list[float]) -> float:
+    """Share of the host's time that the device's clock does not know of."""
+    return 1 - sum(events) / max(sum(values), 1e-9)
+
+
+def error_after(renderer: Renderer, seconds: float) -> dict[str, float | None]:
+    """Estimated relMSE of what one second of rendering gives, with its 95 % band."""
+    renderer.restart(SEED)
+    error = renderer.render(time=seconds).error
+    names = ("noise_1s_relmse", "noise_1s_low", "noise_1s_high")
+    return dict(zip(names, (error.relmse, error.low, error.high) if error else (None, None, None), strict=True))
+
+
+def soak(once: Callable[[], float], rays: int, seconds: float) -> dict[str, Any]:
+    """The same work for a long time: the rate of the last third against that of the first."""
+    import time
+
+    begun, values, offsets = time.perf_counter(), [], []
+    while time.perf_counter() - begun < seconds:
+        offsets.append(time.perf_counter() - begun)
+        once()
+        values.append(time.perf_counter() - begun - offsets[-1])
+    third = max(1, len(values) // 3)
+    steady = summary_of(rays, values[-third:], "rays")
+    first = rays / float(np.median(values[:third]))
+    return {"seconds": seconds, "values_s": values, "t_offset_s": offsets, "steady": steady,
+            "steady_over_first": steady["median"] / first}  # fmt: skip

@@ -1,0 +1,92 @@
+"""What a render leaves behind: pictures, report, trace, and the last line for people."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raytide.cli import COMMAND_WORDS
+from raytide.cli.job import Job
+from raytide.cli.progress_text import percent
+from raytide.cli.signals import SIGNALS, StopOnSignal
+from raytide.errors import ImageInvalid
+
+if TYPE_CHECKING:
+    from raytide.render import Film, Renderer
+    from raytide.scene.scene import Scene
+
+TRACE = ("wall_s", "device_s", "spp", "rays", "relmse", "relmse_low", "relmse_high")
+MOST_EXCLUDED = 1e-4  # share of samples that may be left out as non-finite or negative before the picture is invalid
+
+
+def save(job: Job, film: Film) -> None:
+    """Write every output file."""
+    from raytide.render.film import LAYERS
+
+    begun = time.perf_counter()
+    for path in job.outputs:
+        film.save(path, aovs=LAYERS, half=job.half, exposure=job.exposure, no_clobber=job.no_clobber)
+    job.timed("write", begun)
+
+
+def write_report(job: Job, renderer: Renderer) -> None:
+    """The renderer's report with the command and its own times, as JSON."""
+    from raytide.image import replacing
+
+    assert job.report is not None
+    report = renderer.report()
+    report["times_s"] = {**job.times, **report.get("times_s", {})}
+    if job.coherence:
+        from raytide.render.coherence import measure_coherence
+
+        report["coherence"] = measure_coherence(renderer)
+    report["command"] = shlex.join(["raytide", *COMMAND_WORDS.get()])
+    report["outputs"] = [str(path) for path in job.outputs]
+    with replacing(job.report, no_clobber=job.no_clobber) as file:
+        file.write(json.dumps(report, indent=2).encode() + b"\n")
+
+
+def write_trace(job: Job, path: Path, renderer: Renderer) -> None:
+    """The series of passes as CSV: a head, then a line a pass; a field that is not known is empty."""
+    from raytide.image import replacing
+
+    rows = renderer.report()["series"]
+    lines = [",".join(TRACE), *(",".join(field_words(row[key]) for key in TRACE) for row in rows)]
+    with replacing(path, no_clobber=job.no_clobber) as file:
+        file.write("\n".join(lines).encode() + b"\n")
+
+
+def field_words(value: float | None) -> str:
+    """A number of a CSV file."""
+    return "" if value is None else repr(value)
+
+
+def summary(scene: Scene, film: Film, signals: StopOnSignal, stopped_by: str | None, as_json: bool) -> str:
+    """`raytide: 256x256, 64 spp in 3.21 s, 12.3 Mrays/s, estimated error 2.8 %, ended by spp on pocl-3.0rc2/cpu0`."""
+    stats = film.stats
+    if as_json:
+        named = ("spp", "seconds", "rays", "mrays_per_s", "error", "device")
+        row = {key: stats.get(key) for key in named} | {"size": scene.camera.size, "partial": bool(signals.number)}
+        return json.dumps({"event": "done"} | row | {"stopped_by": stopped_by})
+    width, height = scene.camera.size
+    parts = [f"{width}x{height}", f"{film.spp} spp in {stats.get('seconds', 0.0):.2f} s"]
+    parts.append(f"{stats.get('mrays_per_s', 0.0):.1f} Mrays/s")
+    known = film.error
+    parts.append(f"estimated error {percent(known.error)}" if known else "error unknown (4 spp and more tell it)")
+    parts.append(f"ended by {stopped_by}")
+    partial = f" (partial: {SIGNALS[signals.number]})" if signals.number else ""
+    return f"raytide: {', '.join(parts)} on {stats.get('device', 'an unnamed device')}{partial}"
+
+
+def check_health(renderer: Renderer, film: Film) -> None:
+    """Refuse to call a picture good when too many of its samples had to be left out. Raises ImageInvalid."""
+    excluded = sum(renderer.health().values())
+    total = excluded + int(film.samples.sum())
+    if excluded > MOST_EXCLUDED * total:
+        raise ImageInvalid(
+            f"{excluded} of {total} samples were non-finite or negative and were left out; "
+            f"the picture was written but must not be trusted (limit {MOST_EXCLUDED:.0e} of the samples)"
+        )

@@ -1,0 +1,197 @@
+"""What a render keeps so that it can go on after a power cut, when it keeps it, and how it goes on from there.
+
+A sample is a pure function of its pixel and number, and the film adds them in order: whoever has the film's sums and
+the list of what is still to be traced renders the rest to the same bits, whatever came between.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import raytide
+from raytide.errors import RaytideError, UsageError
+from raytide.render import checkpoint_file
+from raytide.render.checkpoint_file import Content
+from raytide.render.limits import Row
+from raytide.render.schedule import WAVES
+from raytide.render.waves import RayCounts
+
+if TYPE_CHECKING:
+    from raytide.render.renderer import Renderer
+
+EVERY_S = 60.0
+MOST_SHARE = 0.01  # of the render's time goes into checkpoints where nobody said how often
+FREE_KEYS = ("spp", "time", "error", "bvh")  # settings that change no sample: ends, and the tree
+_log = logging.getLogger("raytide.render")
+
+
+class Checkpoints:
+    """Keeps a render in the file `path` (see checkpoint_file.py), every so many seconds and at its end.
+
+    `every`: seconds, kept to a chunk of samples; None: 60, or as many more as keep the cost under 1 % of the time.
+    `notes`, ready for JSON, come back from `Renderer.resume`. `goes_on`: the render was resumed from this very file.
+    A write that fails in the middle of a render is told and tried again; `failed` holds why while the last one failed.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        every: float | None = None,
+        notes: Mapping[str, Any] | None = None,
+        *,
+        goes_on: bool = False,
+    ) -> None:
+        if every is not None and not every > 0:
+            raise UsageError(f"every: came {every}; wanted seconds above 0")
+        self.path, self.every = Path(os.path.realpath(path)), every
+        self.notes, self.goes_on = dict(notes or {}), goes_on
+        self.written, self.cost_s = 0, 0.0
+        self.failed: str | None = None
+        self._next = 0.0
+
+    def begin(self, capture: Callable[[], Content]) -> None:
+        """The first generation, before any work is spent. Raises UsageError where it cannot be written, or would
+        replace a render that is not finished, or a file that is no checkpoint."""
+        checkpoint_file.clear_away(self.path)
+        if not self.goes_on:
+            self._check_free()
+            self.write(capture)
+            if self.failed:
+                raise UsageError(f"{self.failed}; nothing was rendered")
+        self.goes_on = True
+        self._plan(self.cost_s)
+
+    def _check_free(self) -> None:
+        if not self.path.exists():
+            return
+        facts = peek(self.path)
+        if facts is None:
+            raise UsageError(f"{self.path}: came a file that is no checkpoint; wanted a name that is free")
+        if facts.get("stopped_by") in (None, "interrupt"):
+            raise UsageError(
+                f"{self.path}: holds an unfinished render of {facts.get('spp')} spp; `raytide resume {self.path}` goes "
+                "on with it; remove it to begin anew"
+            )
+
+    def tick(self, capture: Callable[[], Content]) -> None:
+        """Writes, if it is time."""
+        if time.monotonic() >= self._next:
+            self.write(capture)
+
+    def write(self, capture: Callable[[], Content]) -> None:
+        """Writes a generation now."""
+        begun = time.monotonic()
+        try:
+            content = capture()
+            checkpoint_file.write(self.path, Content(content.facts | {"notes": self.notes}, content.arrays))
+        except (RaytideError, OSError) as error:
+            self.failed = f"checkpoint {error}"
+            _log.warning("%s; the render goes on", self.failed)
+        else:
+            self.failed, self.written = None, self.written + 1
+        cost = time.monotonic() - begun
+        self.cost_s += cost
+        self._plan(cost)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the report: the file, how often it was written, and the seconds that this took."""
+        return {"file": str(self.path), "written": self.written, "cost_s": self.cost_s, "failed": self.failed}
+
+    def _plan(self, cost: float) -> None:
+        wait = self.every if self.every is not None else max(EVERY_S, cost / MOST_SHARE)
+        self._next = time.monotonic() + wait
+
+
+def capture(renderer: Renderer) -> Content:
+    """All that the render builds on, and what its scene, kernels, settings and device are."""
+    from raytide.render.provenance import settings_of
+
+    frame, waves = renderer.opened()
+    arrays, figures = frame.capture()
+    rays, history = waves.rays, renderer.history
+    arrays |= {"rays": np.stack([rays.reflection, rays.shadow, rays.mixed["reflection"], rays.mixed["shadow"]])}
+    return Content(
+        {
+            "raytide": raytide.__version__,
+            "scene_sha256": renderer.scene_sha256,
+            "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
+            "settings": settings_of(renderer),
+            "device": renderer.device.info.id,
+            "driver": renderer.device.info.driver,
+            "spp": frame.spp,
+            "stopped_by": renderer.stopped_by,
+            "frame": figures,
+            "primary_rays": rays.primary,
+            "series": [asdict(row) for row in history.rows],
+            "error_estimates_s": history.cost_s,
+        },
+        arrays,
+    )
+
+
+def restore(renderer: Renderer, content: Content, path: Path) -> None:
+    """Puts the render where `content` was captured. Raises UsageError where scene, settings or kernels are others;
+    another device is only warned of."""
+    facts = content.facts
+    try:
+        _check(renderer, facts, path)
+        frame, waves = renderer.opened()
+        frame.restore(content.arrays, facts["frame"], renderer.plan.samples)
+        reflection, shadow, mixed, mixed_shadow = content.arrays["rays"].astype(np.int64)
+        waves.rays = RayCounts(facts["primary_rays"], reflection, shadow, {"reflection": mixed, "shadow": mixed_shadow})
+        history = renderer.history
+        history.rows = [Row(**row) for row in facts["series"]]
+        history.cost_s = float(facts["error_estimates_s"])
+    except (KeyError, ValueError, TypeError) as error:
+        raise UsageError(f"{path}: came a checkpoint that lacks or spoils a part ({error})") from error
+    info = renderer.device.info
+    if (facts["device"], facts["driver"]) != (info.id, info.driver):
+        _log.warning(
+            "%s was begun on %s (%s) and goes on on %s (%s): the same samples, rounded as each device does",
+            path, facts["device"], facts["driver"], info.id, info.driver,
+        )  # fmt: skip
+
+
+def _check(renderer: Renderer, facts: Mapping[str, Any], path: Path) -> None:
+    from raytide.render.provenance import settings_of
+
+    if facts["scene_sha256"] != renderer.scene_sha256:
+        raise UsageError(
+            f"{path}: came the render of a scene with SHA-256 {facts['scene_sha256'][:12]}; the scene now has "
+            f"{renderer.scene_sha256[:12]}: it, or a file that it names, was changed"
+        )
+    now = settings_of(renderer)
+    for key, value in facts["settings"].items():
+        if key not in FREE_KEYS and now.get(key) != value:
+            raise UsageError(f"{path}: {key}: came {value!r} in the checkpoint, {now.get(key)!r} now; wanted the same")
+    same_device = facts["device"] == renderer.device.info.id
+    shared = {wave.name for wave in WAVES if same_device or not wave.traces}  # trees are laid out by device
+    for name, sha in facts["kernels_sha256"].items():
+        source = renderer.sources.get(name)
+        if name in shared and source is not None and source.sha256 != sha:
+            raise UsageError(
+                f"{path}: made by raytide {facts['raytide']} with other kernels ({name}) than those of this one, "
+                f"{raytide.__version__}; their samples do not mix"
+            )
+
+
+def peek(path: Path) -> dict[str, Any] | None:
+    """The facts of a checkpoint without a check of the rest; None where there are none."""
+    try:
+        with open(path, "rb") as file:
+            if file.read(len(checkpoint_file.MAGIC)) != checkpoint_file.MAGIC:
+                return None
+            file.readline(66)
+            facts: dict[str, Any] = json.loads(file.readline(checkpoint_file.MOST_FACTS))["facts"]
+            return facts
+    except (OSError, ValueError, KeyError):
+        return None

@@ -1,0 +1,147 @@
+"""Results of `converge` as plain data: every render as CSV, everything as JSON, curves as PNG where matplotlib is."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from raytide.report.convergence import Fit, Measured, Point, Truth, efficiency, fit, time_to
+from raytide.report.experiment import Plan, Track
+from raytide.report.files import write_bytes
+from raytide.report.start_cost import StartCost
+
+SCHEMA = "raytide.converge/1"
+TARGETS = (0.1, 10**-1.5, 0.01)  # errors, roots of relMSE 1e-2, 1e-3, 1e-4
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One scene: its plan, reference, what was measured, and what starting the command costs by variant."""
+
+    plan: Plan
+    truth: Truth
+    tracks: list[Track]
+    starts: dict[str, StartCost]
+
+    @property
+    def name(self) -> str:
+        """What the scene is called."""
+        return self.plan.name
+
+    def fit_of(self, track: Track) -> Fit | None:
+        """Slope and floor; None where budgets are times or too few points count."""
+        return fit(complete(track)) if self.plan.most_spp else None
+
+    def set_up_s(self, track: Track) -> float:
+        """Of the whole command with warm caches: what comes before and after rendering."""
+        start = self.starts.get(track.variant.name)
+        return start.warm_s if start else track.set_up["in_process"]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "scene": str(self.plan.scene),
+            "size": [self.truth.rgb.shape[1], self.truth.rgb.shape[0]],
+            "reference": {"file": self.truth.name, "epsilon": self.truth.epsilon, "own_relmse": self.truth.own_relmse},
+            "variants": [self.track_dict(track) for track in self.tracks],
+        }
+
+    def track_dict(self, track: Track) -> dict[str, Any]:
+        """One variant for JSON: points, fits, times to an error."""
+        points, found, start = complete(track), self.fit_of(track), self.starts.get(track.variant.name)
+        rows = []
+        for point in points:
+            figures = point.figures()
+            figures["wall_s"] = figures["render_s"] + self.set_up_s(track)
+            rows.append(figures | {"efficiency": efficiency(point) if point.counts() else None})
+        return {
+            "name": track.variant.name,
+            "device": track.provenance.get("device"),
+            "points": rows,
+            "fit": found.as_dict() if found else None,
+            "time_to_error_s": {f"{target:.3g}": self.times_to(track, target) for target in TARGETS},
+            "start_s": start.as_dict() if start else None,
+            "set_up_s": track.set_up,
+            "provenance": track.provenance,
+        }
+
+    def times_to(self, track: Track, target: float) -> dict[str, Any] | None:
+        """Seconds of the whole command with warm caches, and of rendering alone, until an error is reached."""
+        points = complete(track)
+        rendering = time_to(points, target)
+        if rendering is None:
+            return None
+        return {"wall": rendering[0] + self.set_up_s(track), "render": rendering[0], "extrapolated": rendering[1]}
+
+
+def complete(track: Track) -> list[Point]:
+    """Points that have any render."""
+    return [point for point in track.points if point.rows]
+
+
+def csv_text(outcomes: Sequence[Outcome]) -> str:
+    """A line for every render."""
+    out = io.StringIO()
+    names = list(Measured.__dataclass_fields__)
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["scene", "variant", "budget", *names])
+    for outcome in outcomes:
+        for track in outcome.tracks:
+            for point in track.points:
+                for row in point.rows:
+                    values = asdict(row)
+                    cells = ["" if values[name] is None else repr(values[name]) for name in names]
+                    writer.writerow([outcome.name, track.variant.name, point.label, *cells])
+    return out.getvalue()
+
+
+def result_of(outcomes: Sequence[Outcome], about: dict[str, Any]) -> dict[str, Any]:
+    """Everything that is in the JSON file."""
+    return {"schema": SCHEMA, **about, "scenes": [outcome.as_dict() for outcome in outcomes]}
+
+
+def write_plot(path: Path, outcomes: Sequence[Outcome]) -> bool:
+    """Error of every scene against wall time and against time of rendering, as one PNG; False where matplotlib is not
+    installed."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError:
+        return False
+    columns = len(outcomes)
+    figure = Figure(figsize=(3.6 * columns, 6.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    for place, outcome in enumerate(outcomes):
+        for row, label in enumerate(("wall time of the command [s]", "time of rendering [s]")):
+            axes = figure.add_subplot(2, columns, row * columns + place + 1, xscale="log", yscale="log")
+            draw(axes, outcome, row == 0)
+            axes.set_xlabel(label)
+            axes.set_ylabel("error" if place == 0 else "")
+            axes.set_title(outcome.name if row == 0 else "")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=100)
+    write_bytes(path, buffer.getvalue())
+    return True
+
+
+def draw(axes: Any, outcome: Outcome, whole: bool) -> None:
+    """Curves of one scene with their bands; `whole`: against the time of the whole command."""
+    for track in outcome.tracks:
+        points = [point for point in complete(track) if point.counts()]
+        seconds = [point.render_s + whole * outcome.set_up_s(track) for point in points]
+        figures = [point.figures() for point in points]
+        low, high = ([math.sqrt(max(one[key], 0.0)) for one in figures] for key in ("relmse_low", "relmse_high"))
+        (line,) = axes.plot(seconds, [f["rmse_relative"] for f in figures], marker="o", markersize=3,
+                            label=track.variant.name)  # fmt: skip
+        axes.fill_between(seconds, low, high, alpha=0.15, color=line.get_color(), linewidth=0)
+    axes.grid(True, which="both", alpha=0.2)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:.3g}")
+        axis.set_minor_formatter("{x:.3g}")
+    axes.tick_params(labelsize=6)
+    axes.legend(fontsize=6)
