@@ -29,7 +29,7 @@ def short(count: int) -> str:
     return f"{round(count / 1e6)}m" if count >= 999_500 else f"{round(count / 1e3)}k"
 
 
-def generate(script: str, name: str, make: Maker, usual: int) -> None:
+def generate(script: str, name: str, make: Maker, usual: int) -> Path:
     """`SCRIPT [TRIANGLES] [FILE.ply]`: write make(TRIANGLES) to FILE, by default NAME_<short>.ply beside the script."""
     wanted = int(sys.argv[1]) if len(sys.argv) > 1 else usual
     default = Path(script).resolve().parent / f"{name}_{short(wanted)}.ply"
@@ -37,3 +37,4 @@ def generate(script: str, name: str, make: Maker, usual: int) -> None:
     vertices, faces = make(wanted)
     write_ply(path, vertices, faces)
     print(f"{path}: {len(faces)} triangles, {len(vertices)} vertices")
+    return path

@@ -3,9 +3,10 @@
 #include "base/vector.cl"
 #include "base/math.cl"
 #include "base/warp.cl"
+#include "base/filter.cl"
 
 // Point of the film, in pixels, for pixel (x, y). Filter importance sampling: samples are spread as the filter
-// weighs them, so that every sample counts the same (Ernst, Stamminger and Greiner 2006).
+// weighs them, so that every sample counts the same (Ernst, Stamminger and Greiner 2006) but for the sign.
 static float2 film_point(const uint x, const uint y, const float radius, const float2 u)
 {
     const float2 center = (float2)((float)x + 0.5f, (float)y + 0.5f);
@@ -18,6 +19,14 @@ static float2 film_point(const uint x, const uint y, const float radius, const f
     float s, c;
     sin_cos(6.2831853071795864f * u.y, &s, &c);
     return center + (float2)(r * c, r * s);
+#elif SIGNED_FILTER
+    float weight;  // the film's matter
+    return center + radius * filter_offset(u, &weight);
+#elif HAS_TENT
+    const float2 t = 2.0f * u - (float2)(1.0f);
+    const float across = 1.0f - sqrt_of(1.0f - abs_of(t.x));
+    const float down = 1.0f - sqrt_of(1.0f - abs_of(t.y));
+    return center + radius * (float2)(t.x < 0.0f ? -across : across, t.y < 0.0f ? -down : down);
 #else
     return center + radius * (2.0f * u - (float2)(1.0f));
 #endif

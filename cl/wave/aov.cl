@@ -39,7 +39,8 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
     }
     const Geometry g = GEOMETRY_AND_TEXTURES;
     const uint pixel = first_pixel + i;
-    const float2 center = (float2)((float)(pixel % settings->width) + 0.5f, (float)(pixel / settings->width) + 0.5f);
+    const uint2 place = (uint2)(settings->first_x + pixel % settings->width, settings->first_y + pixel / settings->width);
+    const float2 center = (float2)((float)place.x + 0.5f, (float)place.y + 0.5f);
     Ray ray = camera_ray(camera, center, (float2)(0.5f));
     ray.direction.w = T_MAX_FREE;
     Hit hit = trace_closest(g, ray);

@@ -1,6 +1,9 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/portable.cl"
 #include "base/vector.cl"
+#include "base/filter.cl"
+#include "base/sampler.cl"
+#include "wave/path.cl"
 // Adds the samples of a chunk to its pixels, each pixel by one item and in the order of sample numbers, as two-float
 // sums: no atomics, and the same bits whatever the wave size. Non-finite and negative samples are left out and counted.
 //
@@ -59,6 +62,17 @@ static float3 half_difference(const TwoFloat3 sum, const float3 before_hi, const
     return ((sum.hi - 2.0f * before_hi) + (sum.lo - 2.0f * before_lo)) * (2.0f / (float)n);
 }
 
+// What a sample counts: 1, or what a filter with negative lobes makes of its place.
+static float film_weight(global const Settings *settings, const uint x, const uint y, const uint sample)
+{
+    float weight = 1.0f;
+#if SIGNED_FILTER
+    const uint pixel = pixel_name(settings, settings->first_x + x, settings->first_y + y);
+    (void)filter_offset(sample_4d(sampler_for(settings, pixel, sample), SET_CAMERA).xy, &weight);
+#endif
+    return weight;
+}
+
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void film(global const Settings *settings, const uint first_tile, const uint tiles, const uint first_sample,
                  const uint samples_in_chunk, global const float4 *samples, global float4 *sum_hi,
@@ -85,8 +99,9 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
         const int finite = finite3(value);
         const int negative = finite && (value.x < 0.0f || value.y < 0.0f || value.z < 0.0f);
         if (finite && !negative) {
-            sum = add_to(sum, value);
-            hits += sample.w > 0.0f ? 1.0f : 0.0f;
+            const float weight = film_weight(settings, x, y, first_sample + s);
+            sum = add_to(sum, value * weight);
+            hits += sample.w > 0.0f ? weight : 0.0f;
             valid++;
         } else {
             atomic_inc(health + (finite ? HEALTH_NEGATIVE : HEALTH_NON_FINITE));  // integers: order cannot matter

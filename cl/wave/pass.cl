@@ -22,7 +22,7 @@ static int pass_on(const Geometry g, global const Object *objects, global const 
     if (opacity >= 1.0f) {
         return 0;
     }
-    if (sample_2d(sampler_of(settings->seed, path.z, path.w), SET_PASS(passed)).x < opacity) {
+    if (sample_2d(sampler_for(settings, path.z, path.w), SET_PASS(passed)).x < opacity) {
         return 0;
     }
     rays[slot] = beyond;

@@ -25,9 +25,11 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint group = item / TILE;
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
-    const uint x = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
-    const uint y = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
-    const int inside = x < settings->width && y < settings->height;
+    const uint column = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
+    const uint row = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
+    const int inside = column < settings->width && row < settings->height;
+    const uint x = settings->first_x + column;  // of the whole picture, so that a window changes no sample
+    const uint y = settings->first_y + row;
     const uint pixel = pixel_name(settings, x, y);
     const Sampler sampler = sampler_for(settings, pixel, sample);
     const float4 u = sample_4d(sampler, SET_CAMERA);

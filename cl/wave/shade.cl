@@ -19,10 +19,10 @@
 // Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
-                  global const Light *lights, global const Settings *settings, global const uint *queue,
-                  const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,
-                  global uint4 *paths, global uint *status, global Ray *shadow_rays, global float4 *shadow_light,
-                  global float4 *samples SCATTERINGS_ARGUMENT)
+                  global const Light *light_table LIGHT_TREE_ARGUMENTS, global const Settings *settings,
+                  global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
+                  global float4 *throughput, global uint4 *paths, global uint *status, global Ray *shadow_rays,
+                  global float4 *shadow_light, global float4 *samples SCATTERINGS_ARGUMENT)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
@@ -44,10 +44,11 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     if (!(ray.direction.w > 0.0f)) {
         return;
     }
+    const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
     if (hit.prim == NONE) {
 #if HAS_SKY
-        const float3 sky = environment_seen(lights, settings, g, ray, path.y, state);
-        samples[path.x] += make4(sky, 0.0f);
+        const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
+        samples[path.x] += make4(environment_seen(lights, before, settings, g, ray, path.y, state), 0.0f);
 #endif
         return;
     }
@@ -55,7 +56,8 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const int passed = pass_on(g, objects, materials, settings, &vertex, &ray, path, slot, rays, throughput,
                                status + i SCATTERINGS);
     if (is_light(objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory
-        samples[path.x] += make4(emission_seen(lights, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
+        const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
+        samples[path.x] += make4(emission_seen(lights, before, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
     }
 #if HAS_LOCAL
     const int last = passed;  // reflection_depth alone ends these paths
@@ -70,12 +72,10 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #if HAS_LIGHTS
     const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
     const float4 u = both.hi;
-    const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, both.lo);
+    const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, both.lo, slot LEFT_NORMALS);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
-    if (direct.valid && !asks) {
-        samples[path.x] += make4(direct.light, 0.0f);
-    }
+    samples[path.x] += make4(direct.valid && !asks ? direct.light : (float3)(0.0f), 0.0f);
 #else
     const int asks = direct.valid;
 #endif

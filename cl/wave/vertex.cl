@@ -95,7 +95,7 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.surface = surface_of(g, ray, hit);
     v.number = objects[v.surface.object].material;
 #if HAS_BLEND
-    const Sampler sampler = sampler_of(settings->seed, path.z, path.w);
+    const Sampler sampler = sampler_for(settings, path.z, path.w);
     float end;
     v.number = blended(g, materials, v.number, &v.surface, sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x, &end);
 #endif
@@ -168,6 +168,12 @@ static int shadows_alone(global const Settings *settings)
 #endif
 }
 
+// Whether light sampling could have found what was met by chance.
+static int competes(global const Settings *settings, const uint path_edges)
+{
+    return !(path_edges & PATH_DELTA) && !shadows_alone(settings);
+}
+
 // Weight of light met by chance: full where no light sampling competes.
 static float chance_weight(global const Settings *settings, const uint path_edges, const float pdf,
                            const float light_pdf)
@@ -179,13 +185,13 @@ static float chance_weight(global const Settings *settings, const uint path_edge
 }
 
 #if HAS_SKY
-static float3 environment_seen(global const Light *lights, global const Settings *settings, const Geometry g,
-                               const Ray ray, const uint path_edges, const float4 state)
+static float3 environment_seen(const Lights lights, const LightPlace from, global const Settings *settings,
+                               const Geometry g, const Ray ray, const uint path_edges, const float4 state)
 {
     if (settings->environment == NONE) {
         return (float3)(0.0f);
     }
-    global const Light *sky = lights + settings->environment;
+    global const Light *sky = lights.table + settings->environment;
     Surface none;
     const float3 wi = renormalize3(xyz(ray.direction));
     none.p = wi;
@@ -195,14 +201,14 @@ static float3 environment_seen(global const Light *lights, global const Settings
     none.error = 0.0f;
     none.object = NONE;
     none.prim = NONE;
-    const float pdf = sky->position.w * light_pdf(sky, g, xyz(ray.origin), none, wi);
+    const float pdf = pick_probability(lights, settings->environment, from) * light_pdf(sky, g, from.p, none, wi);
     return xyz(state) * light_seen(sky, g, wi) * chance_weight(settings, path_edges, state.w, pdf);
 }
 #endif
 
-static float3 emission_seen(global const Light *lights, global const Settings *settings, const Geometry g,
-                            global const Object *objects, const PathVertex v, const Ray ray, const Hit hit,
-                            const uint path_edges)
+static float3 emission_seen(const Lights lights, const LightPlace from, global const Settings *settings,
+                            const Geometry g, global const Object *objects, const PathVertex v, const Ray ray,
+                            const Hit hit, const uint path_edges)
 {
 #if HAS_EMITTER
     global const Object *object = objects + v.surface.object;
@@ -210,28 +216,44 @@ static float3 emission_seen(global const Light *lights, global const Settings *s
         return (float3)(0.0f);
     }
     const uint index = object->light + (hit.prim - object->first);
-    const float3 emitted = emitter_seen(lights + index, g, &v.surface, v.cos_o);
+    const float3 emitted = xyz(v.state) * emitter_seen(lights.table + index, g, &v.surface, v.cos_o);
+    if (!competes(settings, path_edges)) {  // no need to ask how likely a shadow ray would have been
+        return emitted * chance_weight(settings, path_edges, v.state.w, 0.0f);
+    }
     const float3 wi = renormalize3(xyz(ray.direction));
-    const float pdf = lights[index].position.w * light_pdf(lights + index, g, xyz(ray.origin), v.surface, wi);
-    return xyz(v.state) * emitted * chance_weight(settings, path_edges, v.state.w, pdf);
+    const float pdf = pick_probability(lights, index, from) * light_pdf(lights.table + index, g, from.p, v.surface, wi);
+    return emitted * chance_weight(settings, path_edges, v.state.w, pdf);
 #else
     return (float3)(0.0f);
 #endif
 }
 
-// Shadow ray to one light picked by power. The target is exact in the ray: origin plus direction is the light's point.
-static ShadowRay sample_direct(global const Light *lights, global const Settings *settings, const Geometry g,
-                               global const Material *materials, const PathVertex *v, const float4 u)
+// Where the vertex asks for light: the side that it must come from, too, unless light passes the surface. Kept for the
+// light that the path meets next, which asks how likely it was to be picked from here.
+static LightPlace light_place_of(const PathVertex *v, const uint slot LEFT_NORMALS_ARGUMENT)
+{
+#if HAS_LIGHT_TREE
+    const int both_sides = (material_of(v)->flags & MATERIAL_TRANSMITS) != 0u;
+    left_normals[slot] = packed_normal(both_sides ? (float3)(0.0f) : v->frame.n);
+#endif
+    return LIGHT_PLACE_AT(v->surface.p, slot);
+}
+
+// Shadow ray to one light, picked by power or by the tree. The target is exact in the ray: origin plus direction is the light's point.
+static ShadowRay sample_direct(const Lights lights, global const Settings *settings, const Geometry g,
+                               global const Material *materials, const PathVertex *v, const float4 u,
+                               const uint slot LEFT_NORMALS_ARGUMENT)
 {
     ShadowRay out;
     out.valid = 0;
 #if HAS_LIGHTS
-    if (settings->light_count == 0u) {
+    if (lights.count == 0u) {
         return out;
     }
     float pick_pdf;
-    const uint index = pick_light(lights, settings->light_count, u.zw, &pick_pdf);
-    const LightSample light = light_sample(lights + index, g, v->surface.p, u.xy);
+    const LightPlace place = light_place_of(v, slot LEFT_NORMALS);
+    const uint index = pick_light(lights, place, u.zw, &pick_pdf);
+    const LightSample light = light_sample(lights.table + index, g, v->surface.p, u.xy);
     const float3 wi = normalize3(light.to);
     const float3 wi_local = to_local(v->frame, wi);
     const float pdf = light.pdf * pick_pdf;

@@ -20,7 +20,8 @@ kernel void probe_pick(const uint count, global const Light *lights, const uint 
         return;
     }
     float probability;
-    const uint index = pick_light(lights, light_count, u[i].xy, &probability);
+    const LightPlace anywhere = light_place((float3)(0.0f), 0u);
+    const uint index = pick_light(lights_of(lights, light_count), anywhere, u[i].xy, &probability);
     picked[i] = (float4)((float)index, probability, 0.0f, 0.0f);
 }
 """

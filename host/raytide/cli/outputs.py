@@ -71,7 +71,7 @@ def summary(scene: Scene, film: Film, signals: StopOnSignal, stopped_by: str | N
         named = ("spp", "seconds", "rays", "mrays_per_s", "error", "device")
         row = {key: stats.get(key) for key in named} | {"size": scene.camera.size, "partial": bool(signals.number)}
         return json.dumps({"event": "done"} | row | {"stopped_by": stopped_by})
-    width, height = scene.camera.size
+    height, width = film.rgb.shape[:2]
     parts = [f"{width}x{height}", f"{film.spp} spp in {stats.get('seconds', 0.0):.2f} s"]
     parts.append(f"{stats.get('mrays_per_s', 0.0):.1f} Mrays/s")
     known = film.error

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from raytide.errors import UsageError
 
 if TYPE_CHECKING:
-    from raytide.verify import Verdict
+    from raytide.verify import Case, Verdict
 
 Flag = Annotated[bool, Parameter(negative="")]
 SHORT = 4
@@ -29,7 +29,11 @@ def verify(
     quick: Flag = False,
     full: Flag = False,
     json: Path | None = None,
+    html: Path | None = None,
     replay: Path | None = None,
+    against: str | None = None,
+    cost: Flag = False,
+    fuzz: int | None = None,
     list: Flag = False,
     threads: int | None = None,
 ) -> int:
@@ -44,50 +48,123 @@ def verify(
     case
         Only this case, by its id, e.g. T2.
     quick
-        Fewer inputs: seconds instead of minutes. The default.
+        Fewer inputs: a minute or two instead of many. The default.
     full
-        As many inputs as the catalogue asks for.
+        As many inputs as the catalogue asks for, and 2,000 scenes of extremes.
     json
         Write all verdicts, each with its worst input, to this file.
+    html
+        Write a page of all verdicts to this file.
     replay
         A file that --json wrote: judge the worst inputs in it again, alone. With --case only that one's.
+    against
+        Part of another device's id: compare the same samples on both, scene by scene, in place of the cases.
+    cost
+        Measure ns a ray, leaks and errors of every form of the triangle test, in place of the cases.
+    fuzz
+        Render so many scenes of extremes, in place of the cases.
     list
         Print the cases and their bars, and stop.
     threads
         Threads of a CPU device.
     """
-    from raytide.cli.options import check_outputs
-    from raytide.device import open_device
-    from raytide.verify import chosen_cases, run_cases
-    from raytide.verify.lab import Lab
+    cases = cases_of(group, case, quick, full, fuzz, bool(cost or against))
+    if list:
+        return listed(cases)
+    return tried(cases, device, threads, full, json, html, replay, case, against, cost)
+
+
+def cases_of(group: str | None, case: str | None, quick: bool, full: bool, fuzz: int | None, none: bool) -> list[Case]:
+    """What the options ask for. Raises UsageError."""
+    from raytide.verify import chosen_cases
+    from raytide.verify.fuzz import FUZZED, fuzzed
 
     if quick and full:
         raise UsageError("came both --quick and --full; wanted one of them")
-    cases = chosen_cases(group, case)
-    if list:
-        for one in cases:
-            print(f"{one.id:4} {one.group:10} {one.title}\n{'':16}bar: {one.bar}")
-        return 0
-    check_outputs([], [json], no_clobber=False)
+    if fuzz:
+        return [fuzzed(fuzz)]
+    chosen = [] if none else chosen_cases(group, case)
+    return chosen + ([fuzzed(FUZZED)] if full and chosen and not (case or group) else [])
+
+
+def listed(cases: Sequence[Case]) -> int:
+    """Prints cases and their bars."""
+    for one in cases:
+        print(f"{one.id:4} {one.group:10} {one.title}\n{'':16}bar: {one.bar}")
+    return 0
+
+
+def tried(
+    cases: Sequence[Case], device: str | None, threads: int | None, full: bool, json: Path | None, html: Path | None,
+    replay: Path | None, case: str | None, against: str | None, cost: bool,
+) -> int:  # fmt: skip
+    """Runs what was asked for, writes the files, and gives the exit code."""
+    from raytide.cli.options import check_outputs
+    from raytide.device import open_device
+    from raytide.verify import run_cases
+    from raytide.verify.lab import Lab
+
+    check_outputs([], [json, html], no_clobber=False)
     records = earlier(replay, case) if replay else []
     with open_device(device, threads=threads) as opened:
         lab = Lab(opened, full=full)
         print(f"raytide: {opened.info.id}, {size_of(full)}", file=sys.stderr)
         verdicts = again(records, lab) if replay else run_cases(cases, lab, say)
-        found = opened.info.as_dict() | {"options": [*opened.options]}
-    if json:
-        write(json, found, size_of(full), verdicts)
-    return conclude(verdicts)
+        result: dict[str, Any] = {"schema": "raytide.verify/1", "size": size_of(full)}
+        result |= {"device": opened.info.as_dict() | {"options": [*opened.options]}}
+        result |= {"verdicts": [asdict(one) for one in verdicts]}
+        result |= cost_rows(lab) if cost else {}
+        result |= against_rows(lab, against) if against else {}
+        lab.close()
+    write(json, html, result)
+    return conclude(verdicts) if verdicts else 0
+
+
+def cost_rows(lab: Any) -> dict[str, Any]:
+    """Every form of the triangle test, printed as it comes."""
+    from raytide.verify.cost import Cost, costs
+
+    def show(one: Cost) -> None:
+        leaks = ", ".join(f"{n}" for n in one.leaks)
+        print(f"{one.form:52} {one.ns_per_ray:7.0f} ns a ray; leaks {leaks} of {one.rays:,}; t {one.t_error:.1e}",
+              flush=True)  # fmt: skip
+
+    print("leaks at edges, at vertices, both 268 km away; error of t: 99th percentile")
+    found = costs(lab, show, lambda form, why: print(f"{form:52} not built: {why.splitlines()[0]}"))
+    return {"costs": [asdict(one) for one in found]}
+
+
+def against_rows(lab: Any, wanted: str) -> dict[str, Any]:
+    """The same samples on another device, scene by scene."""
+    from raytide.device import open_device
+    from raytide.verify.against import compare, scenes
+    from raytide.verify.lab import Lab
+
+    rows = []
+    with open_device(wanted) as opened:
+        other = Lab(opened, lab.full)
+        print(f"raytide: against {opened.info.id}", file=sys.stderr)
+        for name, scene in scenes().items():
+            rows.append(one := compare(lab, other, name, scene))
+            first = f"first in {one.wave}, by {one.kernel}, {one.rays:.2%} of its rays" if one.kernel else "nowhere"
+            print(f"{name:8} {one.other_bits:7.2%} of pixels have other bits, {one.diverged:.2%} diverged, energy x "
+                  f"{one.energy_ratio:.6f}; {first}", flush=True)  # fmt: skip
+        return {"against": [asdict(one) for one in rows], "other": opened.info.id}
 
 
 def size_of(full: bool) -> str:
     return "full" if full else "quick"
 
 
-def write(path: Path, device: dict[str, Any], size: str, verdicts: Sequence[Verdict]) -> None:
-    """All verdicts as JSON."""
-    result = {"schema": "raytide.verify/1", "size": size, "device": device, "verdicts": [asdict(x) for x in verdicts]}
-    path.write_text(text.dumps(result, indent=1, default=float) + "\n", encoding="utf-8")
+def write(json: Path | None, html: Path | None, result: dict[str, Any]) -> None:
+    """All results as JSON and as a page."""
+    if json:
+        json.write_text(text.dumps(result, indent=1, default=float) + "\n", encoding="utf-8")
+    if html:
+        from raytide.report.page import write_page
+        from raytide.report.verify_page import document
+
+        write_page(html, document(result))
 
 
 def conclude(verdicts: Sequence[Verdict]) -> int:

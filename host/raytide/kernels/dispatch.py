@@ -142,7 +142,7 @@ def _shape(features: Features) -> str:
 def _light(features: Features) -> str:
     present = features.lights
     hit = tuple(kind for kind in present if kind == "emitter" or kind in SKIES)
-    out = ['#include "base/light_sample.cl"', '#include "light/pick.cl"']
+    out = ['#include "base/light_sample.cl"', f'#include "light/{"tree" if features.light_tree else "pick"}.cl"']
     out += [f'#include "light/{kind}.cl"' for kind in present]
     out.append(
         "static LightSample light_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)\n"

@@ -17,7 +17,7 @@ Parameters = tuple[tuple[str, int], ...]
 @cache
 def kinds(group: str) -> tuple[str, ...]:
     """All kinds of a group ("material", "shape", ...): the files of that folder. A kind's number is its place."""
-    helpers = {"pick"}
+    helpers = {"pick", "tree"}
     return tuple(sorted(p.stem for p in (kernel_dir() / group).glob("*.cl") if p.stem not in helpers))
 
 
@@ -43,9 +43,13 @@ class Features:
     lens: bool = False  # thin lens
     orthographic: bool = False
     gaussian: bool = False  # pixel filter, else box or centre
+    tent: bool = False
+    mitchell: bool = False
+    lanczos: bool = False
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     sobol: bool = True  # else plain random numbers
+    light_tree: bool = False  # lights are picked by a tree of bounds, else by an alias table
     blue_noise: bool = False  # neighbouring pixels share a sequence
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets

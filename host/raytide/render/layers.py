@@ -21,7 +21,7 @@ def render_layers(renderer: Renderer) -> dict[str, np.ndarray]:
     pixel's ray, infinite where nothing is hit."""
     device, flat = renderer.device, renderer.flat
     program = renderer.program(AOV)
-    width, height = flat.camera.size
+    width, height = flat.window[2:]
     pixels = width * height
     parts: list[list[np.ndarray]] = [[], [], []]
     buffers = [device.empty(min(pixels, BATCH) * 16) for _ in parts]

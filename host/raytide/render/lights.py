@@ -7,11 +7,14 @@ radiance is never picked: rays that scatter find it by the material's own densit
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
+from raytide.render.light_tree import FEW, LEAF, TWO_SIDED, build_light_tree, has_place, light_bounds
 from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
 from raytide.scene.flatten import FlatScene
@@ -24,6 +27,26 @@ _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
 _UNPICKED = -1  # group of lights that are left to rays that scatter
 
 
+@dataclass(frozen=True)
+class PackedLights:
+    """Records Light; the environment's place among them, NONE without one; records LightNode, none without a tree."""
+
+    table: np.ndarray
+    environment: int
+    nodes: np.ndarray
+
+
+def choice_of(flat: FlatScene) -> str:
+    """How one of the scene's lights is picked: "uniform", "power" or "tree", which pays where many have a place."""
+    if flat.render.light_choice != "auto":
+        return flat.render.light_choice
+    count = sum(isinstance(light, (PointLight, SpotLight)) for light in flat.lights)
+    for thing in flat.objects:
+        if flat.materials[thing.material].type == "emissive" and thing.visible_to:
+            count += 1 if thing.shape >= 0 else thing.triangle_count
+    return "tree" if count > FEW else "power"
+
+
 def pack_lights(
     flat: FlatScene,
     geometry: FlatGeometry,
@@ -31,8 +54,9 @@ def pack_lights(
     origin: np.ndarray,
     planes_first: list[int],
     textures: PackedTextures,
-) -> tuple[np.ndarray, int]:
-    """Light records with their alias table, and the environment's index (NONE without one).
+    choice: str = "power",
+) -> PackedLights:
+    """Light records with what they are picked by: `choice` is "uniform", "power" or "tree".
 
     Links objects and shapes to their lights. Lights that the scene declares come first, then one a emissive primitive.
     """
@@ -49,6 +73,7 @@ def pack_lights(
         groups[0][environment] = _UNPICKED
     parts = [declared]
     importance = [np.asarray(weights, float)]
+    intensity = [declared["radiance"][:, :3] @ _LUMINANCE]
     count = len(declared)
     for index, thing in enumerate(flat.objects):
         material = flat.materials[thing.material]
@@ -67,14 +92,41 @@ def pack_lights(
         objects[index]["light"] = count
         shown = _texture(rows, material, thing.material, textures)
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
-        importance.append(_LUMINANCE @ np.multiply(radiance["radiance"], shown) * areas / np.maximum(distance2, areas))
+        intensity.append(float(_LUMINANCE @ np.multiply(radiance["radiance"], shown)) * areas)
+        importance.append(intensity[-1] / np.maximum(distance2, areas))
         groups.append(np.full(len(prims), len(flat.lights) + index))
         parts.append(rows)
         count += len(prims)
     lights = np.concatenate(parts)
+    weight, group = np.concatenate(importance), np.concatenate(groups)
+    if choice == "tree" and count:
+        return PackedLights(lights, environment, _light_tree(lights, geometry, weight, np.concatenate(intensity)))
+    if choice == "uniform":
+        weight, group = np.ones(count), np.arange(count)
     if count:
-        _alias_table(lights, np.concatenate(importance), np.concatenate(groups))
-    return lights, environment
+        _alias_table(lights, weight, group)
+    return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
+
+
+def _light_tree(
+    lights: np.ndarray, geometry: FlatGeometry, importance: np.ndarray, intensity: np.ndarray
+) -> np.ndarray:
+    """Nodes of the tree over `lights`, which get their trails. Lights without a place are picked as often as their
+    irradiance where the camera looks asks for, mixed with equal shares."""
+    near = has_place(lights)
+    where, endless = np.nonzero(near)[0], np.nonzero(~near)[0]
+    bounds = light_bounds(lights[where], geometry, intensity[where])
+    total, far = importance.sum(), importance[endless]
+    equal = len(endless) / (len(endless) + 1)
+    share = (1 - _EQUAL_SHARE) * (far.sum() / total if total > 0 else equal) + _EQUAL_SHARE * equal
+    mixed = far / far.sum() + _EQUAL_SHARE / max(len(far), 1) if far.sum() > 0 else np.ones(len(far))
+    nodes, near_trails, far_trails = build_light_tree(bounds, mixed, share)
+    lights["alias"][where], lights["alias"][endless] = near_trails, far_trails
+    leaf = nodes["child"] >= LEAF
+    places = np.concatenate([where, endless]).astype(np.uint32)
+    flags = nodes["child"][leaf] & np.uint32(LEAF | TWO_SIDED)
+    nodes["child"][leaf] = flags | places[nodes["child"][leaf] & np.uint32(TWO_SIDED - 1)]
+    return nodes
 
 
 def shadows_alone(flat: FlatScene) -> bool:

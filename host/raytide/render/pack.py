@@ -24,7 +24,7 @@ from raytide.kernels.constants import (
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
-from raytide.render.lights import pack_lights
+from raytide.render.lights import choice_of, pack_lights
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
@@ -42,6 +42,7 @@ class PackedScene:
     materials: np.ndarray
     lights: np.ndarray
     environment: int
+    light_nodes: np.ndarray
     camera: np.ndarray
     origin: np.ndarray
     textures: PackedTextures
@@ -50,9 +51,9 @@ class PackedScene:
     @property
     def nbytes(self) -> int:
         parts = (self.geometry, *(mesh.geometry for mesh in self.meshes))
-        arrays = (self.normals, self.objects, self.materials, self.lights, self.camera, self.geometry.shapes)
+        arrays = (self.normals, self.objects, self.materials, self.lights, self.light_nodes, self.camera)
         geometry = sum(part.vertices.nbytes + part.triangles.nbytes for part in parts)
-        return sum(a.nbytes for a in arrays) + geometry + self.textures.nbytes
+        return sum(a.nbytes for a in arrays) + self.geometry.shapes.nbytes + geometry + self.textures.nbytes
 
     @property
     def vertices(self) -> np.ndarray:
@@ -101,9 +102,10 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         tree=render.bvh != "none",
         lens=camera.type == "thin_lens" or (everything and camera.type == "pinhole"),
         orthographic=camera.type == "orthographic",
-        gaussian=render.filter == "gaussian",
+        **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "lanczos")},
         center=render.filter == "centre",
         local=render.integrator == "local",
+        light_tree=bool(lights) and choice_of(flat) == "tree",
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",
         **{name: everything or name in asked for name in SWITCHES},
@@ -136,14 +138,15 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
     objects = _objects(flat, planes_first)
     materials = _materials(flat)
     textures = pack_textures(flat, features, materials)
-    lights, environment = pack_lights(flat, geometry, objects, origin, planes_first, textures)
+    lights = pack_lights(flat, geometry, objects, origin, planes_first, textures, choice_of(flat))
     return PackedScene(
         geometry=geometry,
         normals=_normals(flat, features),
         objects=objects,
         materials=materials,
-        lights=lights,
-        environment=environment,
+        lights=lights.table,
+        environment=lights.environment,
+        light_nodes=lights.nodes,
         camera=_camera(flat, origin),
         origin=origin,
         textures=textures,

@@ -145,7 +145,7 @@ class Renderer:
         return self.programs[wave.name]
 
     def _upload(self) -> None:
-        width, height = self.flat.camera.size
+        width, height = self.flat.window[2:]
         info = self.device.info
         most = schedule.tiles_of((width, height)) * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes,

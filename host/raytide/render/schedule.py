@@ -12,8 +12,8 @@ from raytide.kernels.records import RECORDS
 
 LARGEST_PASS = 64  # samples a pixel between two looks at the film
 _RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
-# rays, hits, throughput, path, shadow light, three queues, status, and a share of the compaction's counts
-SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
+# rays, hits, throughput, path, shadow light, three queues, status, a normal, and a share of the compaction's counts
+SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 5 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
 SAMPLE_BYTES = 16
 Chunk = tuple[int, int, int, int]  # first tile, tiles, first sample, samples: what is traced before the film takes it
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from raytide.errors import UsageError
+from raytide.errors import SceneError, UsageError
 from raytide.kernels.records import RECORDS
 from raytide.render.lights import left_to_scattering, shadows_alone
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import tiles_across
+from raytide.scene.check import crop_problem
 from raytide.scene.flatten import FlatScene
 
 
@@ -27,6 +28,9 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
             setattr(render, key, value)
         else:
             raise UsageError(f"{key}: came an unknown render setting; wanted one of {', '.join(known)}, size")
+    problem = crop_problem(camera, render)
+    if problem:
+        raise SceneError([problem])
     return replace(flat, camera=camera, render=render)
 
 
@@ -39,10 +43,10 @@ def _block_bits(spp: int) -> int:
 def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     """The Settings record of a render."""
     row = np.zeros(1, RECORDS["Settings"].dtype)
-    width, height = flat.camera.size
+    row["first_x"], row["first_y"], width, height = flat.window
     render = flat.render
     row["width"], row["height"], row["tiles_x"] = width, height, tiles_across(width)
-    row["whole_width"], row["block_bits"] = width, _block_bits(render.spp)
+    row["whole_width"], row["block_bits"] = flat.camera.size[0], _block_bits(render.spp)
     row["seed"], row["max_depth"] = render.seed, render.max_depth
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
     sky_alone = len(packed.lights) == 1 and left_to_scattering(flat)

@@ -90,7 +90,9 @@ class SceneBuffers:
             )
         self.objects = device.upload(packed.objects)
         self.materials = device.upload(packed.materials)
-        self.lights = device.upload(packed.lights)
+        self.lights: tuple[Buffer, ...] = (device.upload(packed.lights),)
+        if features.light_tree:
+            self.lights += (device.upload(packed.light_nodes),)
         self.camera = device.upload(packed.camera)
         self.textures = self._textures(device, packed.textures, features.switches()["textures"])
 
@@ -149,6 +151,7 @@ class Waves:
         self._shadow_queue = device.empty(slots * 4)
         self._chunk_counts = device.empty(-(-slots // PARTITION_CHUNK) * 2 * EDGE_BINS * 4)
         self._counters = device.empty(COUNTERS * 4)
+        self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
         self.samples = device.empty(plan.samples * 16)
 
     def run(self, chunk: tuple[int, int, int, int], stopped: Callable[[], bool]) -> bool:
@@ -214,7 +217,7 @@ class Waves:
         queue, following = self._queues
         launch(
             programs["shade"], "shade", count, 64,
-            *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, scene.lights, self.settings,
+            *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
             self._shadow_rays, self._shadow_light, self.samples, *self._scatterings,

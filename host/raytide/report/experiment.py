@@ -233,7 +233,7 @@ def add(point: Point, film: Film, seed: int, seconds: float) -> None:
 def check_size(tracks: Sequence[Track], renderers: Sequence[Renderer], truth: Truth) -> None:
     """Refuse a reference of another size. Raises UsageError, and SceneError where there is nothing to render."""
     for renderer in renderers:
-        width, height = renderer.flat.camera.size
+        width, height = renderer.flat.window[2:]
         if truth.rgb.shape[:2] != (height, width):
             came = f"{truth.rgb.shape[1]}x{truth.rgb.shape[0]}"
             raise UsageError(f"{truth.name}: came a picture of {came}; wanted {width}x{height}: --size or another file")

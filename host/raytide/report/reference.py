@@ -78,7 +78,7 @@ def make_reference(renderer: Renderer, path: Path, spp: int, slices: int, stoppe
         differ = sorted(key for key in identity if found.identity.get(key) != identity[key])
         raise UsageError(f"{state_path(path)}: belongs to another reference ({', '.join(differ)} differ); wanted one "
                          "of this scene and these settings: name another file, or remove it")  # fmt: skip
-    width, height = renderer.flat.camera.size
+    width, height = renderer.flat.window[2:]
     empty = np.zeros((height, width, 3))
     done = found or Slices(identity, 0, empty, empty.copy())
     while done.count < slices and not stopped():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytide.errors import Problem, SceneError
+from raytide.scene.camera import Camera
 from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.instances import Shown, ShownObjects, shown_objects
 from raytide.scene.layered import layers_of
@@ -15,6 +16,7 @@ from raytide.scene.lights import EnvironmentLight, Light
 from raytide.scene.material_parts import Material
 from raytide.scene.materials import Blend, Emissive
 from raytide.scene.model import path_words
+from raytide.scene.settings import RenderSettings
 from raytide.scene.shapes import Instance, Mesh, Shape
 from raytide.scene.texture_check import texture_problems, texture_warnings
 from raytide.scene.textures import Texture
@@ -37,7 +39,20 @@ def scene_problems(scene: Scene, shown: ShownObjects | None = None) -> list[Prob
         return strangers
     found = base_problems(scene, list(scene.materials)) + object_problems(scene, list(scene.materials), shown)
     found += light_problems(scene)
+    crop = crop_problem(scene.camera, scene.render)
+    found += [crop] if crop else []
     return found + texture_problems(scene, list(scene.textures))
+
+
+def crop_problem(camera: Camera, render: RenderSettings) -> Problem | None:
+    """A window that leaves the picture."""
+    if render.crop is None:
+        return None
+    x, y, width, height = render.crop
+    if x + width <= camera.size[0] and y + height <= camera.size[1]:
+        return None
+    whole = f"a window inside the picture of {camera.size[0]}x{camera.size[1]} pixels"
+    return Problem("render.crop", f"{list(render.crop)}", whole)
 
 
 def light_problems(scene: Scene) -> list[Problem]:

@@ -88,6 +88,11 @@ class FlatScene:
     instances: list[FlatInstance] = field(default_factory=list)
 
     @property
+    def window(self) -> tuple[int, int, int, int]:
+        """x, y, width and height of the part of the picture that is rendered [pixels]."""
+        return self.render.crop or (0, 0, *self.camera.size)
+
+    @property
     def stored_vertices(self) -> int:
         """Vertices of the world and of all shared meshes."""
         return len(self.vertices) + sum(len(mesh.vertices) for mesh in self.meshes)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 from raytide.scene.model import Table
-from raytide.scene.values import Count, Flag, Number, Seconds, Share, key
+from raytide.scene.values import Count, Flag, Number, Seconds, Share, Window, key
 
-DEFAULT_WIDTH = {"box": 1.0, "gaussian": 4.0, "centre": 0.0}  # the Gaussian is cut at 2 pixels = 4 sigma of 0.5
+DEFAULT_WIDTH = {  # the Gaussian is cut at 2 pixels = 4 sigma of 0.5
+    "box": 1.0, "tent": 2.0, "gaussian": 4.0, "mitchell": 4.0, "lanczos": 6.0, "centre": 0.0,
+}  # fmt: skip
 
 
 class RenderSettings(Table):
@@ -26,9 +28,19 @@ class RenderSettings(Table):
         5, low=0, high=1024, unit="edges", doc="first edge where roulette may end a path; 0: never"
     )
     seed: Count = key(0, low=0, high=2**32 - 1, doc="another seed, another noise")
-    filter: Literal["box", "gaussian", "centre"] = key("box", doc="pixel filter; centre shoots through exact centres")
+    crop: Window | None = key(
+        None, unit="pixels", doc="render only this window: column and row of its upper left pixel, width, height"
+    )
+    filter: Literal["box", "tent", "gaussian", "mitchell", "lanczos", "centre"] = key(
+        "box", doc="pixel filter; mitchell and lanczos sharpen and are noisier; centre shoots through exact centres"
+    )
     filter_width: Number | None = key(
-        None, above=0, high=16, unit="pixels", doc="full width of the filter; default 1 for box, 4 for gaussian"
+        None, above=0, high=16, unit="pixels",
+        doc="full width of the filter; default 1 for box, 2 for tent, 4 for gaussian and mitchell, 6 for lanczos",
+    )
+    light_choice: Literal["auto", "uniform", "power", "tree"] = key(
+        "auto", doc="how one of all lights is picked at a point; tree: by what each could send there; auto: the tree "
+        "where more than eight lights or shining triangles have a place",
     )
     sampler: Literal["sobol", "blue_noise", "random"] = key(
         "sobol", doc="sobol: Owen-scrambled sequences; blue_noise: the same, whose error cancels between neighbouring "

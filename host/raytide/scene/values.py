@@ -101,6 +101,17 @@ def as_share(value: Any) -> float:
     return as_number(float(found[1]) / 100)
 
 
+def as_window(value: Any) -> tuple[int, int, int, int]:
+    """Column, row, width and height [pixels]: four whole numbers, or text with commas. Raises ValueError."""
+    if isinstance(value, str):
+        words = value.split(",")
+        value = [int(word) for word in words if re.fullmatch(r"\s*\d{1,9}\s*", word)] if len(words) == 4 else []
+    items = [as_count(item) for item in as_list(value)]
+    if len(items) != 4 or min(items) < 0 or min(items[2:]) < 1:
+        raise ValueError("")
+    return (items[0], items[1], items[2], items[3])
+
+
 def as_ray_kinds(value: Any) -> tuple[str, ...]:
     """Some of RAY_KINDS, each once, in their order. Raises ValueError."""
     items = as_list(value)
@@ -145,6 +156,12 @@ Seconds = Annotated[
     float, BeforeValidator(as_seconds), Kind('seconds, or text such as "30s" or "4min",'), _text_or_number("30s")
 ]
 Share = Annotated[float, BeforeValidator(as_share), Kind('a share, such as 0.01 or "1%",'), _text_or_number("1%")]
+Window = Annotated[
+    tuple[int, int, int, int],
+    BeforeValidator(as_window),
+    Kind('[x, y, width, height] or "x,y,width,height", whole numbers from 0, width and height from 1'),
+    WithJsonSchema({"type": ["array", "string"], "items": {"type": "integer", "minimum": 0}}),
+]
 RayKinds = Annotated[
     tuple[str, ...],
     BeforeValidator(as_ray_kinds),

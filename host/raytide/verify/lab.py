@@ -18,7 +18,7 @@ from raytide.render import Film, Renderer
 from raytide.scene import Scene
 from raytide.scene.material_parts import SWITCHES, Material
 from raytide.scene.materials import MATERIALS
-from raytide.verify.variants import VariantDevice, variant_named
+from raytide.verify.variants import Variant, VariantDevice, variant_named
 
 FREE = np.float32(3.0e38)  # t_max of a ray that nothing ends
 ULP = 2.0**-23  # of 1
@@ -38,9 +38,13 @@ class Lab:
 
     def variant(self, name: str) -> Lab:
         """The same bench on the same device with other arithmetic: one of VARIANTS."""
-        if name not in self._variants:
-            self._variants[name] = Lab(VariantDevice(self.device, variant_named(name)), self.full)
-        return self._variants[name]
+        return self.with_variant(variant_named(name))
+
+    def with_variant(self, variant: Variant) -> Lab:
+        """The same bench on the same device with an arithmetic of one's own."""
+        if variant.name not in self._variants:
+            self._variants[variant.name] = Lab(VariantDevice(self.device, variant), self.full)
+        return self._variants[variant.name]
 
     def close(self) -> None:
         """Lets the devices of the variants go."""
@@ -55,11 +59,14 @@ class Lab:
         """Random numbers of one trial; the same in every run, so that a failure can be looked at."""
         return np.random.default_rng(seed)
 
-    def tracer(self, geometry: FlatGeometry, builder: str = "sah", counters: bool = False) -> Tracer:
-        """Something to trace rays through `geometry` with; builder "none" is brute force. `counters` for `visits`."""
+    def tracer(
+        self, geometry: FlatGeometry, builder: str = "sah", counters: bool = False, leaky: bool = False
+    ) -> Tracer:
+        """Something to trace rays through `geometry` with; builder "none" is brute force. `counters` for `visits`;
+        `leaky` for the triangle test that others are measured against."""
         tree, shapes = builder != "none", tuple(kinds("shape"))
-        features = Features(tree=tree, triangles=True, shapes=shapes, counters=counters)
-        name = ("trace" if tree else "trace_all") + "_counted" * counters
+        features = Features(tree=tree, triangles=True, shapes=shapes, counters=counters, leaky=leaky)
+        name = ("trace" if tree else "trace_all") + "_counted" * counters + "_leaky" * leaky
         program = self._program(name, "probe/trace.cl", features)
         return Tracer(self.device, program, geometry, builder)
 

@@ -24,6 +24,7 @@ import raytide.verify.trees
 import raytide.verify.triangles  # noqa: F401  these modules fill the catalogue
 from raytide.errors import RaytideError, UsageError
 from raytide.verify.case import CASES, GROUPS, Case, Skipped, Trial, Verdict, place_of
+from raytide.verify.fuzz import FUZZED, fuzzed
 from raytide.verify.lab import Lab
 
 
@@ -31,6 +32,8 @@ def chosen_cases(group: str | None = None, case: str | None = None) -> list[Case
     """Cases of a group, or the one of an id, in the order of the catalogue. UsageError lists what there is."""
     if group is not None and group not in GROUPS:
         raise UsageError(f"group: came {group!r}; wanted one of {', '.join(GROUPS)}")
+    if case == "fuzz":
+        return [fuzzed(FUZZED)]
     if case is not None and case not in CASES:
         raise UsageError(f"case: came {case!r}; wanted one of {', '.join(CASES)}")
     found = [one for one in CASES.values() if group in (None, one.group) and case in (None, one.id)]

@@ -1,0 +1,124 @@
+"""What stability costs: time of a ray, leaks and errors of every form of the triangle test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytide.accel import FlatGeometry
+from raytide.errors import DeviceError
+from raytide.kernels.records import NONE
+from raytide.verify.lab import Lab, Tracer, f4, rays_of, unit_vectors
+from raytide.verify.triangles import FAR_PLACE, RINGS, SEGMENTS, aimed, ring_sphere
+from raytide.verify.variants import Variant, contracted, unfused
+
+_KAHAN = "    return fma8(a, b, -product) + error;"
+_KAHAN_ONE = "    return fma_of(a, b, -product) + error;"
+_WIDE = "(float)((double)a@ * (double)b@ - (double)c@ * (double)d@)"
+_DOUBLE = "#pragma OPENCL EXTENSION cl_khr_fp64 : enable\n"
+
+
+def uncompensated(text: str) -> str:
+    """Edge functions as plain differences of products, nothing fused."""
+    out = text.replace(_KAHAN, "    return a * b - product;")
+    return out.replace(_KAHAN_ONE, "    return a * b - product;")
+
+
+def uncompensated_contracted(text: str) -> str:
+    """The same, and the compiler may fuse: what OpenCL does by default."""
+    return contracted(uncompensated(text))
+
+
+def in_double(text: str) -> str:
+    """Edge functions in float64: products are exact, the difference is rounded once."""
+    lanes = ", ".join(_WIDE.replace("@", f".s{lane}") for lane in range(8))
+    out = text.replace(_KAHAN, f"    return (float8)({lanes});")  # vectors of double crash one compiler
+    return _DOUBLE + out.replace(_KAHAN_ONE, f"    return {_WIDE.replace('@', '')};")
+
+
+FORMS: tuple[tuple[str, Callable[[str], str], bool], ...] = (
+    ("as it is: compensated, contraction off", str, False),
+    ("contraction on", contracted, False),
+    ("fma in two roundings", unfused, False),
+    ("not compensated, contraction off", uncompensated, False),
+    ("not compensated, contraction on (OpenCL's default)", uncompensated_contracted, False),
+    ("float64 edge functions", in_double, False),
+    ("Moeller-Trumbore", str, True),
+)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """One form. ns_per_ray: closest and any hit of one random ray inside the sphere, device time, median of 5; leaks
+    (edges, vertices, edges far away, vertices far away) of `rays` each; t_error: 99th percentile, relative."""
+
+    form: str
+    ns_per_ray: float
+    leaks: tuple[int, int, int, int]
+    rays: int
+    t_error: float
+
+
+def costs(lab: Lab, say: Callable[[Cost], None] = lambda one: None,
+          failed: Callable[[str, str], None] = lambda form, why: None) -> list[Cost]:  # fmt: skip
+    """All forms that the device can build, one after the other; `failed` hears of those that it cannot."""
+    out = []
+    for name, text, leaky in FORMS:
+        if text is in_double and not has_double(lab):
+            continue
+        bench = lab if text is str else lab.with_variant(Variant(name, name, text))
+        try:
+            out.append(measure(bench, name, leaky))
+        except DeviceError as error:
+            failed(name, str(error))
+            continue
+        say(out[-1])
+    return out
+
+
+def has_double(lab: Lab) -> bool:
+    """Whether the device has float64."""
+    return "cl_khr_fp64" in getattr(lab.device.info, "extensions", "cl_khr_fp64")
+
+
+def measure(bench: Lab, name: str, leaky: bool) -> Cost:
+    """One form."""
+    n = bench.count(100_000, 1_000_000)
+    here, there = ring_sphere(RINGS, SEGMENTS), ring_sphere(RINGS, SEGMENTS, FAR_PLACE)
+    leaks = []
+    for geometry, center in ((here, (0.0, 0.0, 0.0)), (there, FAR_PLACE)):
+        traced = bench.tracer(geometry, leaky=leaky)
+        for at, seed in (("edges", 901), ("vertices", 902)):
+            inputs = aimed(geometry, center, at, bench.rng(seed), n)
+            hits, met = traced.trace(rays_of(inputs["origin"], inputs["direction"]))
+            leaks.append(int(((hits["prim"] == NONE) | ~met).sum()))
+    traced = bench.tracer(here, leaky=leaky)
+    rng = bench.rng(903)
+    origin = f4(unit_vectors(rng, n) * 0.3)
+    rays = rays_of(origin, f4(unit_vectors(rng, n)))
+    seconds, error = timed(bench, traced, rays), depth_error(here, traced, rays)
+    return Cost(name, seconds / n * 1e9, (leaks[0], leaks[1], leaks[2], leaks[3]), n, error)
+
+
+def timed(bench: Lab, traced: Tracer, rays: np.ndarray) -> float:
+    """Device seconds of one launch, median of 5."""
+    traced.trace(rays)
+    bench.device.take_times()
+    found = []
+    for _ in range(5):
+        traced.trace(rays)
+        found.append(bench.device.take_times()["probe_trace"][1])
+    return float(np.median(found))
+
+
+def depth_error(geometry: FlatGeometry, traced: Tracer, rays: np.ndarray) -> float:
+    """99th percentile of the relative error of t against the float64 plane of the triangle that was met."""
+    hits, _ = traced.trace(rays)
+    met = hits["prim"] != NONE
+    corners = geometry.vertices[geometry.triangles[hits["prim"][met], :3], :3].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    origin, direction = (rays[name][met][:, :3].astype(np.float64) for name in ("origin", "direction"))
+    truth = (normal * (corners[:, 0] - origin)).sum(1) / (normal * direction).sum(1)
+    return float(np.quantile(np.abs(hits["t"][met] / truth - 1), 0.99))

@@ -1,0 +1,88 @@
+"""Fuzzed scenes end and stay finite; other arithmetic is told from one's own; the cost of stability has two sides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from raytide.device import Device
+from raytide.render.film import Film, FilmData
+from raytide.verify.against import compare, scenes
+from raytide.verify.cost import measure
+from raytide.verify.fuzz import fault_of, render_fuzzed
+from raytide.verify.lab import Lab
+
+EXAMPLES = 40
+
+
+class HypothesisDraw:
+    """Choices that hypothesis makes, and makes smaller where a scene fails."""
+
+    def __init__(self, data: st.DataObject) -> None:
+        self.data = data
+
+    def one_of(self, things: Sequence[Any]) -> Any:
+        return things[self.data.draw(st.integers(0, len(things) - 1))]
+
+    def number(self, low: float, high: float) -> float:
+        return self.data.draw(st.floats(low, high))
+
+    def count(self, low: int, high: int) -> int:
+        return self.data.draw(st.integers(low, high))
+
+
+@pytest.fixture(scope="module")
+def lab(device: Device) -> Lab:
+    return Lab(device)
+
+
+def test_scenes_of_extremes_end_finite_with_no_sample_left_out(lab: Lab) -> None:
+    checks = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example]
+
+    @settings(max_examples=EXAMPLES, deadline=None, derandomize=True, database=None, suppress_health_check=checks)
+    @given(st.data())
+    def trial(data: st.DataObject) -> None:
+        assert render_fuzzed(lab, HypothesisDraw(data)) == ""
+
+    trial()
+
+
+def film_of(value: float, **health: int) -> Film:
+    rows = np.zeros((8, 8, 4), np.float32)
+    rows[..., :3], rows[..., 3] = value, np.full((8, 8), 1, np.uint32).view(np.float32)
+    data = FilmData(rows, np.zeros_like(rows), np.zeros((8, 8, 3, 4), np.float32), {"negative": 0} | health)
+    return Film(1, {}, {}, lambda: data)
+
+
+def test_a_faulty_picture_is_told() -> None:
+    assert fault_of(film_of(0.5), True) == ""
+    assert "furnace of 1.1" in fault_of(film_of(1.1), True) and fault_of(film_of(1.1), False) == ""
+    assert "not finite" in fault_of(film_of(np.nan), False)
+    assert "negative" in fault_of(film_of(0.5, negative=2), False)
+
+
+class OtherSamples(Lab):
+    """A bench whose camera rays are others: stands for a device that errs."""
+
+    def renderer(self, scene: Any, **settings: Any) -> Any:
+        return super().renderer(scene, **settings, seed=1)
+
+
+def test_a_device_agrees_with_itself_and_one_that_errs_is_found_at_its_first_wave(lab: Lab, device: Device) -> None:
+    scene = scenes()["furnace"]
+    same = compare(lab, Lab(device), "furnace", scene, spp=2)
+    assert (same.other_bits, same.diverged, same.energy_ratio, same.wave) == (0, 0, 1, "") and same.same_programs
+    other = compare(lab, OtherSamples(device), "furnace", scene, spp=2)
+    assert other.wave == "primary" and "primary" in other.kernel and other.rays > 0.9
+    assert other.other_bits > 0.5 and other.diverged > 0 and abs(other.energy_ratio - 1) < 0.2
+
+
+def test_the_form_that_renders_use_leaks_nothing_and_the_usual_one_does(lab: Lab) -> None:
+    own, usual = measure(lab, "own", False), measure(lab, "usual", True)
+    assert own.leaks == (0, 0, 0, 0) and own.ns_per_ray > 0 and own.t_error < 1e-6
+    assert min(usual.leaks[:3]) > own.rays // 100

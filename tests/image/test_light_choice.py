@@ -1,0 +1,58 @@
+"""However lights are picked, the picture is the same on average, and the tree's has less noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import raytide as rt
+from raytide.device import Device
+
+
+def lamps_over_things(**settings: object) -> rt.Scene:
+    camera = rt.Camera(origin=(0, 2, 7), target=(0, 1, 0), fov=40, size=(40, 24))
+    scene = rt.Scene(camera=camera, render={"spp": 64, "max_depth": 4, "roulette_start": 0, **settings})
+    scene.add(rt.plane(), rt.Glossy(0.5, specular=0.3, roughness=0.2), name="floor")
+    scene.add(rt.sphere((-1.2, 0.8, 0), 0.8), rt.Dielectric(1.5), name="glass")
+    scene.add(rt.sphere((1.2, 0.8, 0), 0.8), rt.Diffuse(0.6), name="ball")
+    rng = np.random.default_rng(5)
+    middles = rng.random((300, 1, 3)) * (16, 1, 16) + (-8, 2.2, -12)
+    corners = middles + rng.normal(size=(300, 3, 3)) * 0.08
+    lamps = rt.mesh(vertices=corners.reshape(-1, 3), faces=np.arange(900).reshape(-1, 3))
+    scene.add(lamps, rt.Emit(30.0), name="lamps")
+    scene.add(rt.point((0.5, 1.0, 1.5), intensity=0.5), name="bulb")
+    scene.add(rt.spot((-3, 3, 2), target=(0, 0, 0), intensity=20.0), name="spot")
+    scene.add(rt.sky(0.1), name="sky")
+    scene.add(rt.directional((0.2, -1, -0.3), irradiance=0.3), name="sun")
+    scene["lamps"].visible_to = ["shadow", "indirect"]
+    return scene
+
+
+def test_tree_and_table_agree_and_the_tree_errs_less(device: Device) -> None:
+    means, errors, chosen = {}, {}, {}
+    for choice in ("uniform", "power", "tree", "auto"):
+        with rt.Renderer(lamps_over_things(light_choice=choice), device) as renderer:
+            film = renderer.render()
+            assert film.error is not None and renderer.health() == {"non_finite": 0, "negative": 0}
+            means[choice], errors[choice] = film.rgb.astype(float), film.error
+            chosen[choice] = renderer.features.light_tree
+    assert chosen == {"uniform": False, "power": False, "tree": True, "auto": True}
+    assert np.array_equal(means["auto"], means["tree"])
+    for choice in ("uniform", "power"):
+        variance = errors[choice].rough_variance.mean(axis=(0, 1)) + errors["tree"].rough_variance.mean(axis=(0, 1))
+        off = means[choice].mean(axis=(0, 1)) - means["tree"].mean(axis=(0, 1))
+        assert (np.abs(off) < 4 * np.sqrt(variance / 960)).all(), choice
+        assert errors["tree"].relmse < 0.6 * errors[choice].relmse
+
+
+def test_shadow_rays_alone_find_the_same_light(device: Device) -> None:
+    """What hides from rays that scatter is left to the tree, so that a light it wrongly rules out would be missing."""
+    means = {}
+    for choice in ("uniform", "tree"):
+        scene = lamps_over_things(light_choice=choice, max_depth=2, spp=256)
+        scene["lamps"].visible_to = ["shadow"]
+        with rt.Renderer(scene, device) as renderer:
+            film = renderer.render()
+            assert film.error is not None
+            means[choice] = film.rgb.astype(float).mean(axis=(0, 1)), film.error.rough_variance.mean(axis=(0, 1)) / 960
+    off = means["tree"][0] - means["uniform"][0]
+    assert (np.abs(off) < 4 * np.sqrt(means["tree"][1] + means["uniform"][1])).all()
