@@ -32,10 +32,16 @@ def test_a_constant_sky_is_left_to_rays_that_scatter():
     assert settings_record(flat, scene)["light_count"][0] == 3
 
 
-def test_a_constant_sky_alone_asks_for_no_shadow_rays():
-    flat, scene = packed(lit_scene(rt.sky(1.0)))
+@pytest.mark.parametrize("choice", ["auto", "power", "uniform"])
+def test_a_constant_sky_alone_asks_for_no_shadow_rays(choice):
+    flat, scene = packed(lit_scene(rt.sky(1.0), light_choice=choice))
     assert settings_record(flat, scene)["light_count"][0] == 0
     assert scene.lights["position"][0, 3] == 0.0  # else scattered rays would weigh less than they must
+
+
+def test_a_tree_of_lights_picks_its_sky():
+    flat, scene = packed(lit_scene(rt.sky(1.0), rt.point((0, 3, 0), intensity=1.0), light_choice="tree"))
+    assert not left_to_scattering(flat) and settings_record(flat, scene)["light_count"][0] == 2
 
 
 def test_a_sky_is_picked_where_only_shadow_rays_find_light():

@@ -102,7 +102,7 @@ def pack_lights(
     if choice == "tree" and count:
         return PackedLights(lights, environment, _light_tree(lights, geometry, weight, np.concatenate(intensity)))
     if choice == "uniform":
-        weight, group = np.ones(count), np.arange(count)
+        weight, group = np.ones(count), np.where(group == _UNPICKED, _UNPICKED, np.arange(count))
     if count:
         _alias_table(lights, weight, group)
     return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
@@ -138,7 +138,8 @@ def left_to_scattering(flat: FlatScene) -> bool:
     """Whether the scene has a sky of constant radiance, and rays that scatter carry its light."""
     skies = [light for light in flat.lights if isinstance(light, EnvironmentLight)]
     constant = bool(skies) and all(light.file is None for light in skies)
-    return constant and flat.render.integrator == "path" and not shadows_alone(flat)
+    by_table = choice_of(flat) != "tree"
+    return constant and by_table and flat.render.integrator == "path" and not shadows_alone(flat)
 
 
 def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndarray) -> float:
