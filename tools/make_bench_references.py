@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,13 +32,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], choices=list(WORKLOADS), metavar="NAME")
     parser.add_argument("--moved", action="store_true", help="the means are meant to have changed")
+    parser.add_argument("--images", action="store_true", help="only the pictures of fixed samples; the means stay")
     parser.add_argument("--device", default="pocl")
     wanted = parser.parse_args()
     before = references.load_references() if references.FILE.exists() else {}
     found = dict(before)
     with open_device(wanted.device) as device:
         for name in wanted.only or WORKLOADS:
-            found[name] = reference_of(WORKLOADS[name], device)
+            found[name] = reference_of(WORKLOADS[name], device, before.get(name) if wanted.images else None)
             off = moved(before[name], found[name]) if name in before else 0.0
             print(f"{name}: means moved by {off:.2f} of what noise may", flush=True)
             if off > 1 and not wanted.moved:
@@ -47,16 +49,18 @@ def main() -> int:
     return 0
 
 
-def reference_of(workload: Workload, device: Device) -> Reference:
-    """Rendered anew."""
+def reference_of(workload: Workload, device: Device, means: Reference | None = None) -> Reference:
+    """Rendered anew, but for the means where they are given."""
     with tempfile.TemporaryDirectory(prefix="raytide-bench-") as folder:
         scene = workload.make(Path(folder), None)
         with Renderer(scene, device, max_depth=workload.max_depth) as renderer:
             renderer.restart(SAME_SEED)
             image = renderer.render(spp=SAME_SPP).rgb
             rays = validity.ray_counts(renderer)
-            tiles, picture = validity.means_of_runs(renderer, 1 << 28, REFERENCE_RUNS)
             sha256 = renderer.scene_sha256
+            if means is not None:
+                return replace(means, image=image.astype(np.float32), scene_sha256=sha256, rays=rays)
+            tiles, picture = validity.means_of_runs(renderer, 1 << 28, REFERENCE_RUNS)
     return Reference(
         image.astype(np.float32), tiles.mean(axis=0), tiles.var(axis=0, ddof=1).astype(np.float32),
         picture.mean(axis=0), picture.var(axis=0, ddof=1), sha256, rays,

@@ -36,6 +36,8 @@ def renders(renderer: rt.Renderer, seconds: float, count: int, seed: int) -> lis
 def spread(films: list[rt.Film], center: np.ndarray) -> tuple[float, float, float]:
     """Error of one render with its 95 % interval: the root of the relative variance between them."""
     images = np.stack([film.rgb for film in films]).astype(np.float64)
+    if not center.any():
+        raise SystemExit("no sample in that time: wanted longer --seconds")
     weight = 1.0 / (center**2 + (EPSILON_SHARE * center.mean()) ** 2)
     relative = (images.var(axis=0, ddof=1) * weight).mean(axis=2)
     tiles = tile_means(relative, 8)

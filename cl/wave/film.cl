@@ -4,6 +4,7 @@
 #include "base/filter.cl"
 #include "base/sampler.cl"
 #include "wave/path.cl"
+#include "wave/span.cl"
 // Adds the samples of a chunk to its pixels, each pixel by one item and in the order of sample numbers, as two-float
 // sums: no atomics, and the same bits whatever the wave size. Non-finite and negative samples are left out and counted.
 //
@@ -76,7 +77,8 @@ static float film_weight(global const Settings *settings, const uint x, const ui
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void film(global const Settings *settings, const uint first_tile, const uint tiles, const uint first_sample,
                  const uint samples_in_chunk, global const float4 *samples, global float4 *sum_hi,
-                 global float4 *sum_lo, global float4 *half_sum, global float4 *differences, global uint *health)
+                 global float4 *sum_lo, global float4 *half_sum, global float4 *differences, global uint *health
+                 SPAN_ARGUMENTS)
 {
     const uint i = (uint)get_global_id(0);
     const uint lane = i % TILE;
@@ -93,20 +95,36 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
     sum.lo = xyz(sum_lo[pixel]);
     uint valid = bits_of(sum_hi[pixel].w);
     float hits = sum_lo[pixel].w;
-    for (uint s = 0; s < samples_in_chunk; s++) {
-        const float4 sample = samples[(local_tile * samples_in_chunk + s) * TILE + lane];
+#if HAS_ADAPTIVE
+    const uint4 span = spans[local_tile];
+    const uint2 range = range_of(ranges[tile], x, y);
+    const uint first = span.x;
+    const uint group = span.y;
+    const uint groups = span.z;
+#else
+    const uint first = first_sample;
+    const uint group = local_tile * samples_in_chunk;
+    const uint groups = samples_in_chunk;
+#endif
+    for (uint s = 0; s < groups; s++) {
+#if HAS_ADAPTIVE
+        if (!is_in_range(range, first + s)) {
+            continue;
+        }
+#endif
+        const float4 sample = samples[(group + s) * TILE + lane];
         const float3 value = xyz(sample);
         const int finite = finite3(value);
         const int negative = finite && (value.x < 0.0f || value.y < 0.0f || value.z < 0.0f);
         if (finite && !negative) {
-            const float weight = film_weight(settings, x, y, first_sample + s);
+            const float weight = film_weight(settings, x, y, first + s);
             sum = add_to(sum, value * weight);
             hits += sample.w > 0.0f ? weight : 0.0f;
             valid++;
         } else {
             atomic_inc(health + (finite ? HEALTH_NEGATIVE : HEALTH_NON_FINITE));  // integers: order cannot matter
         }
-        const uint n = first_sample + s + 1u;
+        const uint n = first + s + 1u;
         if ((n & (n - 1u)) == 0u) {
             global float4 *rows = differences + 3ul * pixel;
             const float3 before_lo = (float3)(half_sum[pixel].w, rows[1].w, rows[2].w);

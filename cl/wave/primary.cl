@@ -6,6 +6,7 @@
 #include "base/sampler.cl"
 #include "base/camera.cl"
 #include "wave/path.cl"
+#include "wave/span.cl"
 
 // Fills `count` free slots with camera rays. 64 neighbouring items are one 8x8 tile at one sample, so that rays next
 // to each other in the queue stay next to each other on the image. Race rule: every item owns its slot and its sample.
@@ -13,7 +14,8 @@ __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void primary(global const Camera *camera, global const Settings *settings, global const uint *queue,
                     const uint queue_first, const uint first_item, const uint count, const uint first_tile,
                     const uint first_sample, const uint samples_in_chunk, global Ray *rays,
-                    global float4 *throughput, global uint4 *paths, global float4 *samples SCATTERINGS_ARGUMENT)
+                    global float4 *throughput, global uint4 *paths, global float4 *samples SCATTERINGS_ARGUMENT
+                    SPAN_ARGUMENTS)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
@@ -23,11 +25,22 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint item = first_item + i;
     const uint lane = item % TILE;
     const uint group = item / TILE;
+#if HAS_ADAPTIVE
+    const uint tile = first_tile + group_tiles[group];
+    const uint4 span = spans[group_tiles[group]];
+    const uint sample = span.x + group - span.y;
+#else
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
+#endif
     const uint column = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
     const uint row = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
+#if HAS_ADAPTIVE
+    const int wanted = is_in_range(range_of(ranges[tile], column, row), sample);
+    const int inside = wanted && column < settings->width && row < settings->height;
+#else
     const int inside = column < settings->width && row < settings->height;
+#endif
     const uint x = settings->first_x + column;  // of the whole picture, so that a window changes no sample
     const uint y = settings->first_y + row;
     const uint pixel = pixel_name(settings, x, y);

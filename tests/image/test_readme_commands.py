@@ -14,8 +14,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ["--size", "16x16", "--spp", "1"]
-# What would fetch packages, run this very suite, or change the machine.
-LEFT_OUT = ("pip ", "pipx ", "uv ", "git ", "python3 tools/run.py test", "python3 tools/run.py COMMAND")
+# What would fetch packages, run this very suite, change the machine, or take minutes (and has tests of its own).
+BENCH = "raytide bench "
+LEFT_OUT = (BENCH, "pip ", "pipx ", "uv ", "git ", "python3 tools/run.py test", "python3 tools/run.py COMMAND")
 
 
 def blocks(language: str) -> list[str]:

@@ -18,7 +18,7 @@ from raytide.bench import record, runner, validity
 from raytide.bench.compare import compare, share_of
 from raytide.bench.model import Result, json_schema
 from raytide.bench.plan import drifting, warm
-from raytide.bench.references import REFERENCE_RUNS, load_references
+from raytide.bench.references import REFERENCE_RUNS, SAME_SPP, load_references
 from raytide.bench.runner import Findings, Job, canonical_sha256, result_of, run_job, sealed, statuses
 from raytide.bench.score import reference_table, score_line, score_of
 from raytide.bench.show import csv_text, tables
@@ -162,7 +162,7 @@ def test_references_are_whole_and_far_less_noisy_than_what_they_judge() -> None:
     for one in found.values():
         assert one.image.shape == (VERIFY_SIZE[1], VERIFY_SIZE[0], 3) and one.image.dtype == np.float32
         assert one.tiles.shape == (VERIFY_SIZE[1] // 4, VERIFY_SIZE[0] // 4, 3) and np.isfinite(one.tiles).all()
-        assert (one.tiles_variance >= 0).all() and one.rays["primary"] == 16 * VERIFY_SIZE[0] * VERIFY_SIZE[1]
+        assert (one.tiles_variance >= 0).all() and one.rays["primary"] == SAME_SPP * VERIFY_SIZE[0] * VERIFY_SIZE[1]
         assert np.allclose(one.tiles.mean(axis=(0, 1)), one.picture, rtol=1e-6)
         assert (np.sqrt(one.picture_variance / REFERENCE_RUNS) < 2e-3 * one.picture).all()
 
@@ -174,6 +174,16 @@ def test_scores_of_nothing_wrong_are_small_and_of_nan_infinite() -> None:
     assert 0.9 < z.std() < 1.1 and np.abs(z).max() < 5
     assert np.isinf(validity.scores(np.full(3, math.nan), np.ones(3), np.ones(3))).all()
     assert (validity.scores(np.full(3, 1.01), np.ones(3), np.zeros(3)) > 1e3).all(), "no noise: any difference counts"
+
+
+def test_one_bright_sample_is_no_bias_and_a_small_shift_of_all_runs_is() -> None:
+    rng = np.random.default_rng(5)
+    wanted, variance = np.full((12, 20, 3), 2.0), np.full((12, 20, 3), 0.01)
+    runs = wanted + 0.1 * rng.normal(size=(16, *wanted.shape))
+    runs[3, 5, 5] += 40.0
+    assert np.abs(validity.scores_of_runs(runs, wanted, variance)).max() < 5
+    runs[:, 7, 7] *= 1.1
+    assert np.abs(validity.scores_of_runs(runs, wanted, variance)[7, 7]).max() > 5.3
 
 
 @pytest.mark.parametrize(

@@ -96,10 +96,14 @@ def workloads_table(workloads: Sequence[dict[str, Any]], score: dict[str, Any] |
         rows.append([
             one["id"], status_word(one), millions(summary.get("median")), percent(summary), summary.get("n"),
             millions(summary.get("samples_per_s")), 100 * noise**0.5 if noise is not None else None,
-            (score or {}).get("parts", {}).get(one["id"]), remark(one),
+            points_of((score or {}).get("parts", {}).get(one["id"])), remark(one),
         ])  # fmt: skip
     head = ["workload", "status", "Mrays/s", "+- %", "values", "M samples/s", "error after 1 s, %", "points", "remark"]
     return table(head, rows, "Medians; +- is the median absolute deviation.")
+
+
+def points_of(value: float | None) -> int | None:
+    return None if value is None else round(value)
 
 
 def millions(value: float | None) -> float | None:
@@ -202,7 +206,7 @@ def comparison_page(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
     return page("raytide bench compare", *body, lead=", ".join(names))
 
 
-SUMMARY_HEAD = ("device", "driver", "score", "status", "suite", "class", *WORKLOADS,
+SUMMARY_HEAD = ("device", "name", "score", "status", "suite", "class", *WORKLOADS,
                 *(word for _, word, _ in _HEADLINE))  # fmt: skip
 
 
@@ -215,8 +219,8 @@ def summary_rows(results: Sequence[dict[str, Any]]) -> list[list[Any]]:
         states = sorted({one["status"] for one in result["workloads"]} - {"ok"})
         peaks = result.get("peaks") or {}
         rows.append([
-            device.get("name", result["device_id"]), f"{device.get('platform', '')} {device.get('driver', '')}".strip(),
-            (result.get("score") or {}).get("value"), ", ".join(states) or "ok",
+            result["device_id"], device.get("name", "could not be opened"),
+            points_of((result.get("score") or {}).get("value")), ", ".join(states) or "ok",
             f"{result['suite']} {result['tool']['suite_version']}", result["class"],
             *(rates.get(name) for name in WORKLOADS),
             *(peaks[key] / scale if key in peaks else None for key, _, scale in _HEADLINE),
@@ -239,7 +243,7 @@ def summary_page(results: Sequence[dict[str, Any]]) -> str:
     """A folder of results as one sortable page, each result folded away below it."""
     rows = summary_rows(results)
     scored = sorted((one for one in results if score_line(one.get("score"))), key=lambda one: -one["score"]["value"])
-    points = [one["score"]["value"] for one in scored]
+    points = [float(round(one["score"]["value"])) for one in scored]
     plot = bars([f"{one['device_id']} ({one['suite']})" for one in scored], points, "points", width=760)
     shown = table(SUMMARY_HEAD, rows, "Mrays/s of workloads; a click on a heading sorts.")
     caption = "Points; a quick score and a score are not on the same scale."

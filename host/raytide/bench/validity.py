@@ -130,9 +130,8 @@ def z_scores(renderer: Renderer, reference: Reference, seed: int, runs: int) -> 
     """The largest |z| over tiles and channels and of the whole picture, with their limits (Sidak's, for all workloads
     of a run together: half the level each)."""
     tiles, picture = means_of_runs(renderer, seed, runs)
-    share = 1 / runs + 1 / REFERENCE_RUNS
-    by_tile = scores(tiles.mean(axis=0), reference.tiles, reference.tiles_variance * share)
-    whole = scores(picture.mean(axis=0), reference.picture, reference.picture_variance * share)
+    by_tile = scores_of_runs(tiles, reference.tiles, reference.tiles_variance)
+    whole = scores_of_runs(picture, reference.picture, reference.picture_variance)
     limit = normal_limit(sidak(ALPHA / 2, by_tile.size * WORKLOADS_A_RUN))
     whole_limit = normal_limit(sidak(ALPHA / 2, whole.size * WORKLOADS_A_RUN))
     largest, largest_whole = float(np.abs(by_tile).max()), float(np.abs(whole).max())
@@ -142,6 +141,13 @@ def z_scores(renderer: Renderer, reference: Reference, seed: int, runs: int) -> 
         "picture_max_abs_z": finite(largest_whole), "picture_limit": whole_limit,
         "passed": bool(largest <= limit and largest_whole <= whole_limit),
     }  # fmt: skip
+
+
+def scores_of_runs(came: np.ndarray, wanted: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """z of the means of runs (runs, ...) against means over REFERENCE_RUNS runs; `variance` is of one of these. Where
+    the runs themselves vary more, theirs counts: one bright sample moves a mean by no more than it widens it."""
+    own = np.maximum(came.var(axis=0, ddof=1), variance)
+    return scores(came.mean(axis=0), wanted, own / len(came) + variance / REFERENCE_RUNS)
 
 
 def scores(came: np.ndarray, wanted: np.ndarray, variance: np.ndarray) -> np.ndarray:

@@ -51,6 +51,7 @@ class Features:
     sobol: bool = True  # else plain random numbers
     light_tree: bool = False  # lights are picked by a tree of bounds, else by an alias table
     blue_noise: bool = False  # neighbouring pixels share a sequence
+    adaptive: bool = False  # tiles have numbers of samples of their own
     transmission: bool = False  # any material that light passes through
     beckmann: bool = False  # any material that names the law of its facets
     one_sided: bool = False  # any material that names whether its back is like its front

@@ -38,7 +38,7 @@ def measure_coherence(renderer: Renderer) -> dict[str, dict[str, Any]]:
     waves.observe = observer
     try:
         chunk = (0, min(frame.tiles, renderer.plan.capacity // GROUP), 0, 1)
-        waves.run(chunk, lambda: False)
+        waves.run(chunk, lambda: False, frame.first_groups(chunk))
     finally:
         waves.observe, waves.rays = None, counted
         renderer.device.take_times()

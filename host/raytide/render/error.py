@@ -25,6 +25,7 @@ SMALLEST_RATIO, LARGEST_RATIO = 4.0, 64.0  # r: plain Monte Carlo; smooth integr
 FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 BLOCK = 8  # pixels; a tile is the unit whose spread gives the band
 BELIEVED = 0.25  # share of the excess of the slope over 1 that is taken to go on
+STEEPER = 0.5  # by how much more than so far the slope may be: the low end of the band
 DOUBT, EARLY_DOUBT = 0.35, 1.0  # relative: what the extrapolation does not know, from 16 samples on and before
 
 
@@ -81,12 +82,13 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
     ratio = _pooled_ratio(relative, before / denominator) if at >= 16 else SMALLEST_RATIO
     slope = float(np.log2(ratio)) / 2
     factor = at / spp / (4.0 * (4.0 ** (1.0 + BELIEVED * (slope - 1.0)) - 1.0))
+    steep = (at / spp) ** (slope + STEEPER) / (4.0 * (4.0 ** (slope + STEEPER) - 1.0))  # if all of it goes on
     value = float(relative.mean()) * factor
     spread = _standard_error(relative.mean(axis=2)) * factor
     half_band = 1.96 * float(np.hypot(spread, value * (DOUBT if at >= 16 else EARLY_DOUBT)))
     return ErrorEstimate(
         relmse=value,
-        low=max(0.0, value - half_band),
+        low=max(0.0, min(value - half_band, value * steep / factor)) if at >= 16 else max(0.0, value - half_band),
         high=value + half_band,
         rmse=float(np.sqrt(np.mean(now) * factor)),
         slope=slope,

@@ -42,6 +42,7 @@ class Film:
     provenance: Mapping[str, object]
     read: Callable[[], FilmData] | None
     read_layers: Callable[[], Mapping[str, np.ndarray]] = dict
+    adaptive: bool = False  # every pixel has a number of samples of its own, `spp` in the mean
     saturated: int = field(default=0, init=False)  # values clamped by the last save with half=True
 
     @cached_property
@@ -83,12 +84,12 @@ class Film:
 
     def _ahead(self) -> np.ndarray:
         """(h, w) float32: by how much less the squared differences of a pixel count because it has more than `spp`
-        samples, its last power of four being another than the picture's; 1 elsewhere."""
-        if self.spp < 4 or self.samples.max() <= self.spp:
+        samples, its last power of four being another than the picture's; 1 elsewhere. Adaptive: of all pixels."""
+        if self.spp < 4 or (self.samples.max() <= self.spp and not self.adaptive):
             return np.ones(self.samples.shape, np.float32)
         at = np.float32(power_of_four(self.spp)) / self.spp
         own = self.data.differences[..., 0, 3] / np.maximum(self.samples, 1)
-        return np.where(self.samples > self.spp, own / at, 1.0).astype(np.float32)
+        return np.where((self.samples > self.spp) | self.adaptive, own / at, 1.0).astype(np.float32)
 
     @property
     def variance(self) -> np.ndarray:

@@ -14,9 +14,10 @@ from raytide.device import Buffer, Device, Program
 from raytide.errors import UsageError
 from raytide.kernels.constants import HEALTH, TILE, TILE_SIDE
 from raytide.render import schedule
+from raytide.render.adaptive import Allocation
 from raytide.render.film import FilmData
 from raytide.render.schedule import Chunk
-from raytide.render.waves import RayCounts, Waves
+from raytide.render.waves import Groups, RayCounts, Waves
 
 ROWS = 3  # of squared differences a pixel
 PIXEL_BYTES = (3 + ROWS) * 16  # sums (two), half sum, differences
@@ -25,7 +26,11 @@ PIXEL_BYTES = (3 + ROWS) * 16  # sums (two), half sum, differences
 class Frame:
     """Adds samples to a picture of `size` (width, height) until it is told to stop, and goes on from there."""
 
-    def __init__(self, device: Device, program: Program, settings: Buffer, size: tuple[int, int]) -> None:
+    def __init__(
+        self, device: Device, program: Program, settings: Buffer, size: tuple[int, int], *, adaptive: bool = False
+    ) -> None:
+        """`adaptive`: tiles get numbers of samples of their own, as adaptive.py decides."""
+        self.allocation = Allocation(size) if adaptive else None
         self.device, self._program, self._settings, self.size = device, program, settings, size
         self.pixels = size[0] * size[1]
         self.tiles = schedule.tiles_of(size)
@@ -53,7 +58,9 @@ class Frame:
         for buffer in (*self._sums, self._differences, self._health):
             self.device.fill(buffer, 0)
         self.device.take_times()
-        self.spp = 0  # samples that every pixel has
+        if self.allocation:
+            self.allocation.restart()
+        self.spp = 0  # samples that every pixel has; adaptive: that pixels have in the mean
         self.seconds = 0.0  # spent in rendering
         self.first_pass_s: float | None = None
         self.wave_times: dict[str, tuple[int, float]] = {}
@@ -86,8 +93,7 @@ class Frame:
         while self.spp < spp or self._pending:
             self._since = time.perf_counter()
             if not self._pending:
-                self._pass = next(schedule.passes(spp, self.spp))
-                self._pending.extend(schedule.chunks(self.tiles, *self._pass, self._chunk_size(waves, time_limit)))
+                self._begin_pass(spp, self._chunk_size(waves, time_limit))
             end = math.inf if time_limit is None else self._since + time_limit - self.seconds
             finished = self._run_pass(waves, _stopped_or_past(end, stopped), between)
             self.lap()
@@ -95,10 +101,40 @@ class Frame:
             self.collect_times()
             if finished:
                 self.spp = sum(self._pass)
+                if self.allocation:
+                    self.allocation.end()
                 self.first_pass_s = self.first_pass_s or self.seconds
             yield finished
             if not finished:
                 return
+
+    def _begin_pass(self, spp: int, most: int) -> None:
+        self._pass = next(schedule.passes(spp, self.spp))
+        allocation = self.allocation
+        if allocation is None:
+            self._pending.extend(schedule.chunks(self.tiles, *self._pass, most))
+            return
+        if allocation.decides_at(self.spp):
+            allocation.decide(self.spp, self.read())
+        allocation.begin(*self._pass)
+        self._pending.extend(allocation.chunks(most // TILE))
+
+    def groups_of(self, chunk: Chunk) -> Groups | None:
+        """What an adaptive chunk holds, on the device."""
+        return None if self.allocation is None else self._groups(self.allocation, chunk)
+
+    def first_groups(self, chunk: Chunk) -> Groups | None:
+        """The same of a picture without a sample, of whose pixels each takes one."""
+        if self.allocation is None:
+            return None
+        first = Allocation(self.size)
+        first.begin(0, 1)
+        return self._groups(first, chunk)
+
+    def _groups(self, allocation: Allocation, chunk: Chunk) -> Groups:
+        spans = allocation.spans(chunk)
+        arrays = (spans.spans, allocation.ranges(), spans.group_tiles)
+        return Groups(len(spans.group_tiles), spans.samples, tuple(self.device.upload(array) for array in arrays))
 
     def lap(self) -> None:
         """Waits for the device, and counts the time until now in `seconds`."""
@@ -122,12 +158,13 @@ class Frame:
     def _run_pass(self, waves: Waves, stopped: Callable[[], bool], between: Callable[[], None]) -> bool:
         while self._pending:
             chunk = self._pending[0]
-            if not waves.run(chunk, stopped):
+            groups = self.groups_of(chunk)
+            if not waves.run(chunk, stopped, groups):
                 return False
             self.device.launch(
                 self._program, "film", chunk[1] * TILE, 64,
                 self._settings, *(np.uint32(x) for x in chunk), waves.samples,
-                *self._sums, self._differences, self._health,
+                *self._sums, self._differences, self._health, *(groups.buffers if groups else ()),
                 label="film",
             )  # fmt: skip
             self._pending.popleft()
@@ -141,6 +178,7 @@ class Frame:
         self.collect_times()
         arrays = {name: self.device.read(buffer, np.uint32, buffer.nbytes // 4) for name, buffer in self._buffers()}
         arrays["pending"] = np.array(self._pending, np.uint32).reshape(-1, 4)
+        arrays |= self.allocation.capture() if self.allocation else {}
         figures = {"spp": self.spp, "pass": list(self._pass), "seconds": self.seconds,
                    "first_pass_s": self.first_pass_s, "wave_times": self.wave_times}  # fmt: skip
         return arrays, figures
@@ -153,11 +191,19 @@ class Frame:
             if arrays[name].nbytes != buffer.nbytes:
                 raise ValueError(f"{name}: came {arrays[name].nbytes} bytes; wanted {buffer.nbytes}")
             self.device.write(buffer, arrays[name])
-        for chunk in arrays["pending"].reshape(-1, 4).tolist():
-            self._pending.extend(schedule.cut(tuple(chunk), most))
+        if self.allocation:
+            self.allocation.restore(arrays)
+        for chunk in map(tuple, arrays["pending"].reshape(-1, 4).tolist()):
+            self._pending.extend(self._cut(chunk, most))
         self.spp, self._pass = int(figures["spp"]), (int(figures["pass"][0]), int(figures["pass"][1]))
         self.seconds, self.first_pass_s = float(figures["seconds"]), figures["first_pass_s"]
         self.wave_times = {label: (int(n), float(s)) for label, (n, s) in figures["wave_times"].items()}
+
+    def _cut(self, chunk: Chunk, most: int) -> Iterator[Chunk]:
+        if self.allocation is None:
+            return schedule.cut(chunk, most)
+        fits = len(self.allocation.spans(chunk).group_tiles) <= most // TILE
+        return iter([chunk]) if fits else self.allocation.cut(chunk, most // TILE)
 
     def _buffers(self) -> list[tuple[str, Buffer]]:
         names = ("sum_hi", "sum_lo", "half_sum", "differences", "health")

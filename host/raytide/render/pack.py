@@ -108,6 +108,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         light_tree=bool(lights) and choice_of(flat) == "tree",
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",
+        adaptive=render.adaptive,
         **{name: everything or name in asked for name in SWITCHES},
     )
 

@@ -53,6 +53,7 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
             "samples_in_flight": renderer.plan.samples,
             "peak_device_bytes": renderer.device.peak_bytes,
         },
+        "adaptive": frame.allocation.as_dict() if frame.allocation else None,
         "checkpoints": renderer.checkpoints.as_dict() if renderer.checkpoints else None,
         "left_out": ledger(renderer),
         "warnings": list(flat.warnings),

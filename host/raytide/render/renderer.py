@@ -159,7 +159,8 @@ class Renderer:
         meshes = mesh_records(self.flat, self.packed.meshes, self.forest)
         self.buffers = SceneBuffers(self.device, self.packed, self.forest, self.features, meshes)
         self.settings_buffer = self.device.upload(settings_record(self.flat, self.packed))
-        self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height))
+        self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height),
+                           adaptive=self.features.adaptive)  # fmt: skip
         pixels_of = self.frame.pixels_of
         self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan,
                            self.trial, pixels_of)  # fmt: skip
@@ -289,7 +290,8 @@ class Renderer:
 
     def _new_film(self) -> Film:
         frame, waves = self.opened()
-        return Film(frame.spp, frame.figures(waves.rays), provenance_of(self), self._read, self._layers())
+        figures, origin, adaptive = frame.figures(waves.rays), provenance_of(self), self.features.adaptive
+        return Film(frame.spp, figures, origin, self._read, self._layers(), adaptive)
 
     def _read(self) -> Any:
         with self._timed("readback"):

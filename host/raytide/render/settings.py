@@ -28,6 +28,8 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
             setattr(render, key, value)
         else:
             raise UsageError(f"{key}: came an unknown render setting; wanted one of {', '.join(known)}, size")
+    if render.adaptive and render.sampler == "blue_noise":
+        raise UsageError("adaptive: came with sampler blue_noise, whose pixels share their numbers; wanted sobol")
     problem = crop_problem(camera, render)
     if problem:
         raise SceneError([problem])

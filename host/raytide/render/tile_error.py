@@ -15,11 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.render.error import FLOOR, power_of_four
+from raytide.render.error import FLOOR, STEEPER, power_of_four
 
 TILE = 8  # pixels
 BELIEVED = 1.0 / 3.0  # share of the slope's excess over 1 in the estimate
-STEEPER = 0.25  # by how much more than so far the slope may be
 STEEPEST = 3.0
 SPREAD = 3.0  # variance of log(error / estimate) times the pixels that rule a tile
 LEAST_SPREAD = 0.1  # standard deviation of the same in a large even tile

@@ -60,6 +60,16 @@ class RayCounts:
         return self.primary + int(self.reflection.sum()) + int(self.shadow.sum())
 
 
+@dataclass(frozen=True)
+class Groups:
+    """A chunk whose tiles have numbers of samples of their own: groups of 64 items, the samples in them that belong to
+    pixels of the picture, and the buffers that say which is which."""
+
+    count: int
+    samples: int
+    buffers: tuple[Buffer, ...]
+
+
 class SceneBuffers:
     """The scene on the device."""
 
@@ -154,13 +164,17 @@ class Waves:
         self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
         self.samples = device.empty(plan.samples * 16)
 
-    def run(self, chunk: tuple[int, int, int, int], stopped: Callable[[], bool]) -> bool:
-        """Traces every path of a chunk (first tile, tiles, first sample, samples) into `samples`.
+    def run(
+        self, chunk: tuple[int, int, int, int], stopped: Callable[[], bool], groups: Groups | None = None
+    ) -> bool:
+        """Traces every path of a chunk (first tile, tiles, first sample, samples) into `samples`; `groups` tell what it
+        holds where tiles have numbers of samples of their own.
 
         Returns False, with the chunk unfinished, once `stopped` says so at the end of a wave.
         """
         first_tile, tiles, first_sample, samples = chunk
-        items = tiles * TILE * samples
+        items = groups.count * TILE if groups else tiles * TILE * samples
+        extra = groups.buffers if groups else ()
         self._reset_queue()
         begun = alive = 0
         edges = np.zeros(EDGE_BINS, np.int64)
@@ -171,26 +185,27 @@ class Waves:
             if alive <= self.plan.capacity // 2:
                 fresh = min((self.plan.capacity - alive) // TILE * TILE, items - begun)
             if fresh:
-                self._primary(alive, begun, fresh, first_tile, first_sample, samples)
+                self._primary(extra, alive, begun, fresh, first_tile, first_sample, samples)
                 begun += fresh
             if alive:
                 self.rays.add("reflection", edges)
                 self._extend(0, alive, _label("reflection", edges))
             count = alive + fresh
             alive, edges = self._shade(count)
-        self.rays.primary += self.pixels_of(first_tile, tiles) * samples
+        self.rays.primary += groups.samples if groups else self.pixels_of(first_tile, tiles) * samples
         return True
 
     def _reset_queue(self) -> None:
         """The first queue lists all slots in order again, so that a chunk never depends on the one before."""
         self.device.write(self._queues[0], np.arange(self.plan.capacity, dtype=np.uint32))
 
-    def _primary(self, place: int, item: int, count: int, tile: int, sample: int, samples: int) -> None:
-        numbers = [np.uint32(x) for x in (place, item, count, tile, sample, samples)]
+    def _primary(self, extra: tuple[Buffer, ...], *numbers: int) -> None:
+        """`numbers`: place in the queue, first item, items, first tile, first sample and samples of the chunk."""
+        place, _, count = numbers[:3]
         self.device.launch(
             self.programs["primary"], "primary", count, 64,
-            self.scene.camera, self.settings, self._queues[0], *numbers,
-            self._rays, self._throughput, self._paths, self.samples, *self._scatterings,
+            self.scene.camera, self.settings, self._queues[0], *(np.uint32(x) for x in numbers),
+            self._rays, self._throughput, self._paths, self.samples, *self._scatterings, *extra,
             label="camera",
         )  # fmt: skip
         self._extend(place, count, "primary")

@@ -53,7 +53,9 @@ class Verdict:
             return "no noise"
         if self.coverage > GOAL[1]:
             return "cautious"
-        return "as promised" if self.coverage >= GOAL[0] else "too narrow"
+        if self.coverage >= GOAL[0]:
+            return "as promised"
+        return "too low" if self.too_low > self.too_high else "too high"
 
 
 @dataclass

@@ -46,6 +46,9 @@ class RenderSettings(Table):
         "sobol", doc="sobol: Owen-scrambled sequences; blue_noise: the same, whose error cancels between neighbouring "
         "pixels once spp samples are done; random: independent numbers, to compare with",
     )
+    adaptive: Flag = key(
+        False, doc="more samples where the error is large, fewer where it is small; spp is their mean, from 16 on"
+    )
     bvh: Literal["sah", "sah-hq", "lbvh", "none"] = key(
         "sah", doc="tree builder: sah-hq builds longer and traces faster; none tests every primitive"
     )

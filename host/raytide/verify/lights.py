@@ -130,6 +130,7 @@ def unequal_lights(lab: Lab) -> Iterator[Trial]:
         for place, power in enumerate(powers):
             scene.lights[f"l{place}"] = point((place % 300 * 0.01, 1, place // 300 * 0.01), intensity=float(power))
         scene.lights["sky"] = sky(0.0)
+        scene.render.light_choice = "power"  # the table; the tree over many lights has whole-number shares of its own
         flat = scene.flatten()
         return pack(flat, features_of(flat)).lights
 
