@@ -23,7 +23,7 @@ _HOMES = {
     ),
     "raytide.device": "list_devices pick",
     "raytide.render": "Checkpoints Film Renderer",
-    "raytide.errors": "DeviceError ImageInvalid RaytideError SceneError UsageError",
+    "raytide.errors": "BadPicture DeviceError ImageInvalid RaytideError SceneError UsageError",
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names.split()}
 

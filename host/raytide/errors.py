@@ -73,3 +73,9 @@ def list_words(names: Sequence[str], limit: int = 12) -> str:
         return "none (there is none)"
     shown = ", ".join(name if name.isprintable() else ascii(name) for name in names[:limit])
     return f"one of {shown}" + (f", ... ({len(names)} in all)" if len(names) > limit else "")
+
+
+class BadPicture(ImageInvalid):
+    """A picture that was given cannot be read, or holds nothing that can be used."""
+
+    exit_code = 2

@@ -127,6 +127,13 @@ def test_what_makes_a_comparison_doubtful_is_said(tmp_path: Path, capsys: pytest
     assert "same seed" in out and "different scenes" in out
 
 
+def test_a_file_that_is_no_picture_is_the_caller_s_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "text.exr").write_text("a scene, perhaps")
+    b = picture(tmp_path / "b.exr", 2)
+    assert main(["compare", b, str(tmp_path / "text.exr")]) == 2
+    assert "text.exr" in capsys.readouterr().err
+
+
 def test_a_broken_pixel_never_agrees_and_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rgb, variance = noisy(1)
     rgb[3, 4] = np.nan

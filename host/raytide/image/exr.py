@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytide.errors import ImageInvalid, RaytideError, UsageError
+from raytide.errors import BadPicture, RaytideError, UsageError
 from raytide.image.atomic import replacing
 from raytide.image.exr_header import PartHeader, scan_exr
 
@@ -52,10 +52,10 @@ class ExrImage:
 
     @property
     def rgb(self) -> NDArray[np.float32]:
-        """Beauty as (h, w, 3) float32; a luminance picture becomes grey. ImageInvalid if there is neither."""
+        """Beauty as (h, w, 3) float32; a luminance picture becomes grey. BadPicture if there is neither."""
         beauty = self.layers.get("beauty")
         if beauty is None:
-            raise ImageInvalid(f"{self.path}: holds {', '.join(sorted(self.layers))}; wanted R G B or Y channels")
+            raise BadPicture(f"{self.path}: holds {', '.join(sorted(self.layers))}; wanted R G B or Y channels")
         if beauty.ndim == 2:
             beauty = np.repeat(beauty[..., None], 3, axis=-1)
         return np.ascontiguousarray(beauty[..., :3], dtype=np.float32)
@@ -168,7 +168,7 @@ def capture_date(seconds: float | None = None) -> dict[str, object]:
 def read_exr(path: str | os.PathLike[str], max_bytes: int = MAX_READ_BYTES) -> ExrImage:
     """Read every layer of a flat EXR file whose decoded pixels take at most `max_bytes`.
 
-    Raises UsageError if there is no such file, ImageInvalid (with path and reason) for anything that is
+    Raises UsageError if there is no such file, BadPicture (with path and reason) for anything that is
     not a sound EXR file of at most that size. EXR has no checksum: a flipped bit may read back as a value.
     """
     import OpenEXR
@@ -185,7 +185,7 @@ def read_exr(path: str | os.PathLike[str], max_bytes: int = MAX_READ_BYTES) -> E
             pixels = [{name: np.array(channel.pixels) for name, channel in file.channels(i).items()}
                       for i in range(len(file.parts))]
     except Exception as error:  # damaged headers raised RuntimeError, ValueError, KeyError, UnicodeDecodeError
-        raise ImageInvalid(f"{shown}: OpenEXR cannot read it: {error}") from error
+        raise BadPicture(f"{shown}: OpenEXR cannot read it: {error}") from error
     check_kept(shown, promised, pixels, told.getvalue())
     names = [part.name or f"part{i}" for i, part in enumerate(promised)]
     layers: dict[str, NDArray] = {}
@@ -201,7 +201,7 @@ def check_kept(path: str, promised: list[PartHeader], pixels: list[dict[str, NDA
     came = [{name: array.shape for name, array in channels.items()} for channels in pixels]
     if want != came or told:
         reason = told.strip().removeprefix("Warning: ") or "pixels are missing"
-        raise ImageInvalid(f"{path}: OpenEXR cannot read its pixels: {reason}")
+        raise BadPicture(f"{path}: OpenEXR cannot read its pixels: {reason}")
 
 
 def layers_of(channels: Mapping[str, NDArray], plain: str) -> dict[str, NDArray]:
