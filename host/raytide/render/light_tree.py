@@ -4,7 +4,8 @@ Every node knows the box around its lights, a cone around the ways they face, an
 weighs the two children of a node by them at the point to be lit. Lights without a place (suns, skies) are leaves of a
 part of their own, whose shares are fixed. Lights are halved at the median along the longest side of the box around
 them, all nodes of a level at once; three such levels make one of eight lanes, so n lights are log8(n) steps away.
-(Splitting by the way they face, too, where that promises less, gave 4 % less error in a tree of two lanes, and takes longer to build.)
+(Splitting by the way they face, too, where that promises less, gave 4 % less error in a tree of two lanes; it takes
+longer to build.)
 """
 
 from __future__ import annotations
