@@ -42,6 +42,7 @@ class FakeFilm:
     def __init__(self, spp: int) -> None:
         self.spp = spp
         self.samples = np.full((10, 20), spp)
+        self.rgb = np.zeros((10, 20, 3), np.float32)
         self.stats: dict[str, Any] = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01}
         self.stats["device"] = "fake/0"
         self.error = ErrorEstimate(1e-4, 0.64e-4, 1.44e-4, 0.1, 1.0, np.zeros((10, 20, 3)))

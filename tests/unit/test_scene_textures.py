@@ -149,7 +149,10 @@ def test_parameters_are_proportional_to_the_keys_that_textures_scale(kind: str) 
         if field is None or not may_be_textured(field):
             continue
         start = 1.25 if name == "film_ior" else 0.25
-        needed = {"eta": 1.0, "k": 1.0} if "eta" in model.model_fields and "k" in model.model_fields else {}
+        needed: dict[str, float | str] = {}
+        if "eta" in model.model_fields and "k" in model.model_fields:
+            needed = {"eta": 1.0, "k": 1.0}
+        needed |= {part: "another" for part in ("first", "second") if part in model.model_fields}
         low, high = (
             dict(model(**{**needed, name: np.float64(value)}).parameters())[name] for value in (start, 2 * start)
         )
