@@ -1,8 +1,7 @@
 """Light records and the alias table that picks one light for each sample.
 
 A light's share follows the irradiance that it would give at the point the camera looks at, mixed with an equal share
-for every light source, so that no light is ever starved (unbiased for any shares above zero). Only a sky of constant
-radiance is never picked: rays that scatter find it by the material's own density, which no picking of directions beats.
+for every light source, so that no light is ever starved (unbiased for any shares above zero).
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from raytide.scene.transform import matrix_of
 
 _EQUAL_SHARE = 0.25
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
-_UNPICKED = -1  # group of lights that are left to rays that scatter
 
 
 @dataclass(frozen=True)
@@ -68,10 +66,7 @@ def pack_lights(
         if isinstance(light, EnvironmentLight):
             environment = i
             weights[-1] += _sky(row, light, flat, textures)
-    groups = [np.arange(len(declared))]
-    if left_to_scattering(flat):
-        groups[0][environment] = _UNPICKED
-    parts = [declared]
+    parts, groups = [declared], [np.arange(len(declared))]
     importance = [np.asarray(weights, float)]
     intensity = [declared["radiance"][:, :3] @ _LUMINANCE]
     count = len(declared)
@@ -102,7 +97,7 @@ def pack_lights(
     if choice == "tree" and count:
         return PackedLights(lights, environment, _light_tree(lights, geometry, weight, np.concatenate(intensity)))
     if choice == "uniform":
-        weight, group = np.ones(count), np.where(group == _UNPICKED, _UNPICKED, np.arange(count))
+        weight, group = np.ones(count), np.arange(count)
     if count:
         _alias_table(lights, weight, group)
     return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
@@ -127,19 +122,6 @@ def _light_tree(
     flags = nodes["child"][leaf] & np.uint32(LEAF | TWO_SIDED)
     nodes["child"][leaf] = flags | places[nodes["child"][leaf] & np.uint32(TWO_SIDED - 1)]
     return nodes
-
-
-def shadows_alone(flat: FlatScene) -> bool:
-    """Whether some object stops shadow rays and not rays that scatter, or the reverse."""
-    return any(("shadow" in thing.visible_to) != ("indirect" in thing.visible_to) for thing in flat.objects)
-
-
-def left_to_scattering(flat: FlatScene) -> bool:
-    """Whether the scene has a sky of constant radiance, and rays that scatter carry its light."""
-    skies = [light for light in flat.lights if isinstance(light, EnvironmentLight)]
-    constant = bool(skies) and all(light.file is None for light in skies)
-    by_table = choice_of(flat) != "tree"
-    return constant and by_table and flat.render.integrator == "path" and not shadows_alone(flat)
 
 
 def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndarray) -> float:
@@ -232,17 +214,13 @@ def triangle_planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
     """Fills alias, threshold and pick probability (Vose 1991), probabilities being those of the rounded table."""
     n = len(lights)
-    picked = groups != _UNPICKED
-    if not picked.any():
-        return  # every probability stays 0
-    importance = np.where(picked & np.isfinite(importance) & (importance > 0), importance, 0.0)
+    importance = np.where(np.isfinite(importance) & (importance > 0), importance, 0.0)
     _, inverse, sizes = np.unique(groups, return_inverse=True, return_counts=True)
-    equal = np.where(picked, 1.0 / (len(sizes) * sizes[inverse]), 0.0)
-    equal /= max(equal.sum(), 1e-30)
+    equal = 1.0 / (len(sizes) * sizes[inverse])
     total = importance.sum()
     share = (1 - _EQUAL_SHARE) * importance / total + _EQUAL_SHARE * equal if total > 0 else equal
     threshold, alias = np.ones(n), np.arange(n)
-    scaled = share / max(share.sum(), 1e-30) * n
+    scaled = share / share.sum() * n
     small, large = list(np.nonzero(scaled < 1)[0]), list(np.nonzero(scaled >= 1)[0])
     while small and large:
         low, high = small.pop(), large[-1]
