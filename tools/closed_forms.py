@@ -241,6 +241,9 @@ def material_checks() -> dict[str, list[Check]]:
     surface, _ = ball("rough_conductor")
     lobe = ggx_albedo(surface["roughness"], conductor(colour(surface["eta"]), colour(surface["k"])))
     out["rough_conductor"] = [Check(middle, lobe * sky, "L E, E of GGX and Fresnel by quadrature", NOISY), behind]
+    surface, _ = ball("measured")
+    rho = np.pi * float((SCENES / "materials" / surface["file"]).read_text(encoding="ascii").split()[-1])
+    out["measured"] = [Check(disc, rho * sky, "rho L, rho = pi f of every measurement", NOISY / 4), behind]
     out["dielectric"] = [Check((0, 0, 64, 64), sky, "L: reflected + refracted = 1", 1e-4)]
     out |= coated_checks(ball, middle, behind)
     scene = read("materials/emissive")
