@@ -12,7 +12,7 @@ import numpy as np
 
 from raytide.device import Buffer, Device, Program
 from raytide.errors import UsageError
-from raytide.kernels.constants import HEALTH, TILE, TILE_SIDE
+from raytide.kernels.constants import EDGE_BINS, FAULT_COUNTERS, FAULTS, HEALTH, TILE, TILE_SIDE
 from raytide.render import schedule
 from raytide.render.adaptive import Allocation
 from raytide.render.film import FilmData
@@ -38,6 +38,7 @@ class Frame:
         self._sums = [device.empty(self.pixels * 16) for _ in range(3)]
         self._differences = device.empty(self.pixels * 16 * ROWS)
         self._health = device.empty(64)
+        self.faults = device.empty(FAULT_COUNTERS * 4)  # where `shade` counts what is unsound
         self.restart()
 
     @property
@@ -55,7 +56,7 @@ class Frame:
 
     def restart(self) -> None:
         """No samples."""
-        for buffer in (*self._sums, self._differences, self._health):
+        for buffer in (*self._sums, self._differences, self._health, self.faults):
             self.device.fill(buffer, 0)
         self.device.take_times()
         if self.allocation:
@@ -206,8 +207,8 @@ class Frame:
         return iter([chunk]) if fits else self.allocation.cut(chunk, most // TILE)
 
     def _buffers(self) -> list[tuple[str, Buffer]]:
-        names = ("sum_hi", "sum_lo", "half_sum", "differences", "health")
-        return list(zip(names, (*self._sums, self._differences, self._health), strict=True))
+        names = ("sum_hi", "sum_lo", "half_sum", "differences", "health", "faults")
+        return list(zip(names, (*self._sums, self._differences, self._health, self.faults), strict=True))
 
     def collect_times(self) -> None:
         """Adds device times since the last call to `wave_times`: launches and seconds by label."""
@@ -233,7 +234,14 @@ class Frame:
         rows = self.device.read(self._differences, np.float32, self.pixels * 4 * ROWS)
         counts = self.device.read(self._health, np.uint32, len(HEALTH))
         health = dict(zip(HEALTH, (int(n) for n in counts), strict=True))
-        return FilmData(hi, lo, rows.reshape(*shape[:2], ROWS, 4), health)
+        return FilmData(hi, lo, rows.reshape(*shape[:2], ROWS, 4), health, self._read_faults())
+
+    def _read_faults(self) -> dict[str, int]:
+        """What `shade` counted, by label; empty where all was sound."""
+        shape = (len(FAULTS), len(HEALTH), EDGE_BINS)
+        counts = self.device.read(self.faults, np.uint32, FAULT_COUNTERS).reshape(shape)
+        return {f"{FAULTS[origin]}[{edge}] {HEALTH[cause]}": int(counts[origin, cause, edge])
+                for origin, cause, edge in np.argwhere(counts)}  # fmt: skip
 
 
 def _stopped_or_past(end: float, stopped: Callable[[], bool]) -> Callable[[], bool]:
