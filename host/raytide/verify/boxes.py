@@ -13,7 +13,7 @@ import numpy as np
 from raytide.kernels.records import NONE, RECORDS
 from raytide.verify.case import Inputs, Judged, Trial, case, forbidden
 from raytide.verify.exact import meet_boxes
-from raytide.verify.lab import Lab, Tracer, f4, flat, rays_of, sphere_record, unit_vectors
+from raytide.verify.lab import Lab, Tracer, f4, flat, rays_of, shape_record, unit_vectors
 
 INFINITY = np.float32(np.inf)
 
@@ -130,10 +130,10 @@ def no_rays(lab: Lab) -> Iterator[Trial]:
         yield Trial(builder, inputs, partial(judge, builder))
 
 
-@case("B7", "bvh", "triangles at 2^i, i from -60 to 60, in one scene, each with a ray of its own", "each met",
+@case("B7", "bvh", "triangles at 2^i, i from -66 to 60, in one scene, each with a ray of its own", "each met",
       "a middle split goes 126 deep; a stack of 64 overflows")  # fmt: skip
 def all_scales(lab: Lab) -> Iterator[Trial]:
-    places = 2.0 ** np.arange(-60, 60)
+    places = 2.0 ** np.arange(-66, 61)
     corners = places[:, None, None] * np.array([[1.0, -0.2, -0.2], [1.0, 0.3, -0.1], [1.0, 0.0, 0.4]])
     geometry = flat(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3))
 
@@ -149,7 +149,7 @@ def all_scales(lab: Lab) -> Iterator[Trial]:
         yield Trial(builder, inputs, partial(judge, builder))
 
 
-@case("B8", "bvh", "random rays through 1, 2, 3 and 1000 triangles, alone and among spheres",
+@case("B8", "bvh", "random rays through 1, 2, 3 and 1000 triangles, alone and among shapes of four kinds",
       "tree and brute force give the same primitive and the same bits of t", "ties and culling decide")  # fmt: skip
 def force_and_tree(lab: Lab) -> Iterator[Trial]:
     def judge(geometry: object, builder: str, inputs: Inputs) -> Judged:
@@ -164,10 +164,11 @@ def force_and_tree(lab: Lab) -> Iterator[Trial]:
         size = 1.0 if count < 10 else 0.2
         corners = f4(rng.normal(size=(count, 1, 3)) + rng.normal(size=(count, 3, 3)) * size)
         faces = np.arange(3 * count).reshape(-1, 3)
-        balls = np.concatenate([sphere_record(f4(rng.normal(size=3)), 0.1 + 0.2 * rng.random()) for _ in range(7)])
+        kinds = ("sphere", "box", "disk", "rectangle") * 3
+        others = [shape_record(kind, f4(rng.normal(size=3)), np.eye(3) * (0.1 + 0.2 * rng.random())) for kind in kinds]
         origin = f4(unit_vectors(rng, n) * 4)
         inputs = {"origin": origin, "direction": f4(rng.normal(size=(n, 3)) - origin)}
-        for name, shapes in (("", None), (" and spheres", balls)):
+        for name, shapes in (("", None), (" and shapes", np.concatenate(others))):
             geometry = flat(corners.reshape(-1, 3), faces, shapes)
             for builder in ("sah", "lbvh"):
                 yield Trial(f"{count}{name}, {builder}", inputs, partial(judge, geometry, builder))

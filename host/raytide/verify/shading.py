@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
-from raytide.verify.lab import ULP, Lab, f4, unit_vectors
+from raytide.verify.lab import ULP, Lab, f4, sampler_numbers, unit_vectors
 
 Long = np.longdouble
 
@@ -58,11 +58,11 @@ def visible_normals(lab: Lab) -> Iterator[Trial]:
     wo = sphere_points(np.arccos(rows[:, 0]), rows[:, 4])
     wo[:, 2] = np.maximum(wo[:, 2], 0)
     yield Trial("corners", {"wo": wo, "alpha": f4(rows[:, 1]), "u": f4(rows[:, 2:4])}, judge)
-    rng, n = lab.rng(602), lab.count(50_000, 5_000_000)
+    rng, n = lab.rng(602), lab.count(50_000, 10_000_000)
     wo = f4(unit_vectors(rng, n) * [1, 1, 10.0 ** -rng.integers(0, 8)])
     wo[:, 2] = np.abs(wo[:, 2])
     wo /= np.sqrt((wo.astype(np.float64) ** 2).sum(1, keepdims=True)).astype(np.float32)
-    inputs = {"wo": wo, "alpha": f4(10.0 ** rng.uniform(-4, 0, n)), "u": f4(rng.integers(0, 2**24, (n, 2)) * 2.0**-24)}
+    inputs = {"wo": wo, "alpha": f4(10.0 ** rng.uniform(-4, 0, n)), "u": sampler_numbers(rng, n, 2)}
     yield Trial("at random", inputs, judge)
 
 
@@ -151,6 +151,6 @@ def cosine_directions(lab: Lab) -> Iterator[Trial]:
     corners = (0.0, 2.0**-24, 0.25, 0.5 - 2.0**-24, 0.5, 0.5 + 2.0**-24, 1 - 2.0**-24)
     yield Trial("corners", {"u": f4(list(product(corners, corners)))}, judge)
     n = lab.count(50_000, 5_000_000)
-    yield Trial("at random", {"u": f4(lab.rng(614).integers(0, 2**24, (n, 2)) * 2.0**-24)}, judge)
+    yield Trial("at random", {"u": sampler_numbers(lab.rng(614), n, 2)}, judge)
 
 
