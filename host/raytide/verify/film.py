@@ -217,7 +217,7 @@ def small_pictures(lab: Lab) -> Iterator[Trial]:
         for width, height in zip(inputs["width"], inputs["height"], strict=True):
             scene = Scene(camera=Camera(origin=(0, 0, 4), target=(0, 0, 0), size=(int(width), int(height))))
             scene.add(sky(0.5), name="sky")
-            film = lab.render(scene, spp=4, filter=filter)
+            film = lab.render(scene, spp=4, filter=filter, everything=False)  # else three sets of all kernels
             even = np.abs(film.rgb - np.float32(0.5)).max() <= 1e-7
             wrong.append(not (even and (film.samples == 4).all() and film.rgb.shape == (height, width, 3)))
         return Judged(forbidden(np.array(wrong)), {})

@@ -69,20 +69,21 @@ def directions_seen(origin: np.ndarray, found: dict[str, np.ndarray]) -> float:
 
 
 @case("Q3", "sampling", "a sphere light seen from its surface, from just above it, and from inside",
-      "finite points and densities; the integral of 1 + mu^2 within 5 standard errors",
+      "finite points and densities; from 1e-4 r on the integral of 1 + mu^2 within 5 standard errors",
       "the square root of a number below 0")  # fmt: skip
 def on_the_light(lab: Lab) -> Iterator[Trial]:
     def judge(traced: Tracer, inputs: Inputs) -> Judged:
         found = traced.sampled(inputs["origin"], inputs["u"])
         wrong = ~np.isfinite(np.stack([found["pdf"], found["pdf_again"]])).all(0) | ~np.isfinite(found["p"]).all(1)
-        apart = np.abs(np.linalg.norm(inputs["origin"].astype(np.float64), axis=1) - 1) > 5e-7  # float32 tells the side
+        # Nearer points are so few ulps away that the way to them is 1 % off, however they were picked.
+        apart = np.abs(np.linalg.norm(inputs["origin"].astype(np.float64), axis=1) - 1) > 5e-5
         told = {name: array[apart] for name, array in found.items()}
         z = directions_seen(inputs["origin"][apart].astype(np.float64), told) if apart.any() else 0.0
         return Judged(forbidden(wrong | (found["pdf"] < 0)), {"wrong": int(wrong.sum()), "z": f"{z:.1f}"},
                       {"as many directions as there are, within 5 standard errors": abs(z) <= 5})  # fmt: skip
 
     traced = lab.spheres(sphere_record((0, 0, 0), 1.0))
-    for height in (1.0, 1 + 1e-7, 1 + 1e-6, 1 - 1e-7, 0.5, 0.0):
+    for height in (1.0, 1 + 1e-7, 1 + 1e-6, 1 + 1e-4, 1.5, 1 - 1e-7, 1 - 1e-4, 0.5, 0.0):
         rng, n = lab.rng(703), lab.count(10_000, 200_000)
         origin = f4(unit_vectors(rng, n) * height)
         inputs = {"origin": origin, "u": sampler_numbers(rng, n, 2)}
