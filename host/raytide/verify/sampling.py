@@ -83,7 +83,7 @@ def on_the_light(lab: Lab) -> Iterator[Trial]:
                       {"as many directions as there are, within 5 standard errors": abs(z) <= 5})  # fmt: skip
 
     traced = lab.spheres(sphere_record((0, 0, 0), 1.0))
-    for height in (1.0, 1 + 1e-7, 1 + 1e-6, 1 + 1e-4, 1.5, 1 - 1e-7, 1 - 1e-4, 0.5, 0.0):
+    for height in (1.0, 1 + 1e-7, 1 + 1e-6, 1 + 1e-4, 1.5, 1 - 1e-7, 0.9, 0.5, 0.0):
         rng, n = lab.rng(703), lab.count(10_000, 200_000)
         origin = f4(unit_vectors(rng, n) * height)
         inputs = {"origin": origin, "u": sampler_numbers(rng, n, 2)}
