@@ -109,7 +109,8 @@ def flat_quads(lab: Lab) -> Iterator[Trial]:
         yield Trial(f"across {'xyz'[axis]}", inputs, partial(judge, traced))
 
 
-@case("B5", "bvh", "NaN, infinity and zero where a ray should be", "a miss, by tree and by brute force",
+@case("B5", "bvh", "NaN, infinity and zero where a ray should be, directions without a normal number",
+      "a miss, by tree and by brute force",
       "the whole tree is traversed, or the loop never ends")  # fmt: skip
 def no_rays(lab: Lab) -> Iterator[Trial]:
     geometry = flat([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], [[0, 1, 2]])
@@ -124,6 +125,7 @@ def no_rays(lab: Lab) -> Iterator[Trial]:
             for bad in (np.nan, np.inf, -np.inf) for place in range(7)]  # fmt: skip
     rows = [row for row in rows if not row[6] == np.inf]  # no end at all is a ray
     rows += [[0.1, 0.2, -3.0, 0.0, 0.0, zero, 1e30] for zero in (0.0, -0.0)] + [[0.1, 0.2, -3.0, 0.0, 0.0, 1.0, -1.0]]
+    rows += [[0.1, 0.2, -1e-30, 0.0, 0.0, 1e-40, 1e30]]  # would be met at 1e10, unless denormals are flushed
     table = f4(rows)
     inputs = {"origin": table[:, :3], "direction": table[:, 3:6], "end": table[:, 6]}
     for builder in ("sah", "none"):

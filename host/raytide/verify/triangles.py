@@ -185,7 +185,7 @@ def unit_triangle(lab: Lab) -> Iterator[Trial]:
 
 
 def sides_of(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How far points (n, 2) are inside each of (T, 3, 2) triangles, in shares of a side, (n, T): the least of all three;
+    """How far points (n, 2) are inside each of (T, 3, 2) triangles, (n, T) in shares of a side: the least of three;
     below 0 outside."""
     a, b = corners, np.roll(corners, -1, axis=1)
     edge, way = (b - a)[None], points[:, None, None] - a[None]
