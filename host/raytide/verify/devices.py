@@ -177,9 +177,8 @@ def wave_sizes(lab: Lab) -> Iterator[Trial]:
 
 @case("D9", "device", "a bad device: quotients 2.5 ulp off, roots 3, sines 4, exponentials and logarithms 3, denormals "
       "flushed, sums fused where the source does not forbid it",
-      "every case of geometry and trees but exact ends of rays (S5, T9, T12, P4: equal only up to those errors); full: a "
-      "picture within 5 standard errors",
-      "exact processors hide what others show")  # fmt: skip
+      "every case of geometry and trees but exact ends of rays (S5, T9, T12, P4: equal only up to those errors); full: "
+      "a picture within 5 standard errors", "exact processors hide what others show")  # fmt: skip
 def bad_device(lab: Lab) -> Iterator[Trial]:
     bench = lab.variant("worse")
     ids = [one.id for one in CASES.values() if one.group in ("geometry", "bvh") and one.id[0] in "SPTB"]

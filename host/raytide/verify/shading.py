@@ -67,7 +67,7 @@ def visible_normals(lab: Lab) -> Iterator[Trial]:
 
 
 @case("M5", "shading", "Fresnel's reflectance where the indices barely differ, eta = 1 + 1e-2 to 1e-6, and equal",
-      "within 1e-7 and 1e-5 of itself, at normal incidence and at others; equal indices reflect nothing and bend nothing",
+      "within 1e-7 and 1e-5 of itself, at normal incidence and at others; equal indices reflect and bend nothing",
       "1.4 % off at eta - 1 = 1e-6")  # fmt: skip
 def near_equal_indices(lab: Lab) -> Iterator[Trial]:
     def judge(inputs: Inputs) -> Judged:
