@@ -14,6 +14,7 @@ from raytide.scene.builders import (
     mesh_attribute,
     plane,
     point,
+    projector,
     rect,
     sky,
     sphere,
@@ -21,7 +22,7 @@ from raytide.scene.builders import (
 )
 from raytide.scene.camera import Orthographic, ThinLens
 from raytide.scene.camera import Pinhole as Camera
-from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight
 from raytide.scene.load import from_tables, load
 from raytide.scene.materials import (
     Blend,
@@ -65,6 +66,7 @@ __all__ = [
     "Plastic",
     "PointLight",
     "Principled",
+    "ProjectorLight",
     "Rectangle",
     "RenderSettings",
     "RoughConductor",
@@ -88,6 +90,7 @@ __all__ = [
     "mesh_attribute",
     "plane",
     "point",
+    "projector",
     "rect",
     "sky",
     "sphere",

@@ -51,9 +51,13 @@ class FlatTextures:
 
 
 def flat_textures(scene: Scene, shown: set[str | None], meshes: list[Painted]) -> FlatTextures:
-    """Textures of the materials `shown`, and what all stored meshes, in order, carry. Raises SceneError for a file."""
+    """Textures of the materials `shown` and of lights, and what all stored meshes, in order, carry.
+
+    Raises SceneError for a file.
+    """
     layers = {layer for name in shown for layer in layers_of(scene.materials, name)}
-    used = sorted({name for layer in layers for name in scene.materials[layer].textures().values()})
+    painted = {name for layer in layers for name in scene.materials[layer].textures().values()}
+    used = sorted(painted | {light.picture for light in scene.lights.values() if light.picture is not None})
     models = {name: scene.textures[name] for name in used}
     skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]
     sky = scene.picture(skies[0]).texels if skies else None
