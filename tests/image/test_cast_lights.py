@@ -61,11 +61,11 @@ def test_a_projector_lights_a_wall_across_it_evenly(device: Device, aspect: floa
     six_by_two(tmp_path)
     scene = rt.Scene(rt.Camera(origin=(0, 0, 1), target=(0, 0, 0)), folder=tmp_path)
     scene.add(rt.bitmap("six.png", raw=True, filter="nearest"), name="six")
-    light = rt.projector((-0.05, 0.05, 2.0), (-0.05, 0.05, 0), "six", (1, 2, 3), fov=15.0, aspect=aspect)
+    light = rt.projector((-0.03, 0.07, 2.0), (-0.03, 0.07, 0), "six", (1, 2, 3), fov=15.0, aspect=aspect)
     scene.add(light, name="projector")
     half = 2.0 * np.tan(np.radians(7.5))
-    column = (WALL[..., 0] + 0.05) / (half * (aspect or 3.0)) * 0.5 + 0.5
-    row = 0.5 - (WALL[..., 1] - 0.05) / half * 0.5
+    column = (WALL[..., 0] + 0.03) / (half * (aspect or 3.0)) * 0.5 + 0.5
+    row = 0.5 - (WALL[..., 1] - 0.07) / half * 0.5
     inside = (column > 0) & (column < 1) & (row > 0) & (row < 1)
     value = 20 * (1 + np.floor(COLUMNS * column) + COLUMNS * np.floor(ROWS * row)) / 255 / 4
     assert inside.any() and not inside.all()
