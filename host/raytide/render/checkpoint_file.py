@@ -12,12 +12,12 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from raytide.errors import UsageError
-from raytide.image import replacing
+from raytide.image import replacing, write_all
 
 MAGIC = b"raytide-checkpoint-1\n"
 PIECE = 1 << 20  # bytes a write
@@ -46,23 +46,16 @@ def write(path: Path, content: Content) -> None:
     for part in parts:
         digest.update(part)
     with replacing(path, previous=old_of(path)) as file:
-        file.write(MAGIC + digest.hexdigest().encode() + b"\n")
+        write_all(file, MAGIC + digest.hexdigest().encode() + b"\n")
         for part in parts:
             for first in range(0, len(part), PIECE):
-                _write_all(file, part[first : first + PIECE])
+                write_all(file, part[first : first + PIECE])
 
 
 def _bytes_of(array: np.ndarray) -> memoryview:
     """The memory of an array, without a copy where it is in one piece."""
     data: Any = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
     return memoryview(data)
-
-
-def _write_all(file: BinaryIO, data: memoryview) -> None:
-    """An unbuffered file may take a part, as it does at the end of the disk; the next write says why."""
-    done = 0
-    while done < len(data):
-        done += file.write(data[done:])
 
 
 def read(path: Path) -> tuple[Content, str | None]:

@@ -149,7 +149,7 @@ class Renderer:
         info = self.device.info
         most = schedule.tiles_of((width, height)) * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes,
-                                        self.features.opacity)  # fmt: skip
+                                        schedule.slot_bytes_of(self.features))  # fmt: skip
         needed = width * height * PIXEL_BYTES + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
             raise UsageError(
