@@ -19,10 +19,10 @@ _HOMES = {
         "Blend Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane "
         "Plastic Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere "
         "ThinDielectric ThinFilm ThinLens bitmap box checkerboard directional disk instance load mesh "
-        "mesh_attribute plane point projector rect sky sphere spot"
+        "mesh_attribute plane point projector rect sky sphere spot sun_sky"
     ),
     "raytide.device": "list_devices pick",
-    "raytide.render": "Checkpoints Film Renderer",
+    "raytide.render": "Checkpoints Film Renderer merge",
     "raytide.errors": "BadPicture DeviceError ImageInvalid RaytideError SceneError UsageError",
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names.split()}

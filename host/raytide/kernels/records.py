@@ -276,6 +276,8 @@ _TABLE = (
         ("uint", "first_y", "pixels", ""),
         ("uint", "whole_width", "pixels", ""),
         ("uint", "block_bits", "", "sampler blue_noise: log2 of the samples in a pixel's block; even"),
+        ("uint", "sun_count", "", "lights that are disks at infinity; they come first"),
+        *[("uint", f"pad{i}", "", "zero") for i in range(3)],
     ),
 )
 

@@ -17,7 +17,16 @@ from raytide.render.light_tree import FEW, LEAF, TWO_SIDED, build_light_tree, ha
 from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
 from raytide.scene.flatten import FlatScene
-from raytide.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, ProjectorLight, SpotLight
+from raytide.scene.lights import (
+    SKY_LIGHTS,
+    DirectionalLight,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    ProjectorLight,
+    SpotLight,
+    SunSkyLight,
+)
 from raytide.scene.material_parts import Material
 from raytide.scene.transform import matrix_of
 
@@ -59,15 +68,16 @@ def pack_lights(
 
     Links objects and shapes to their lights. Lights that the scene declares come first, then one a emissive primitive.
     """
-    declared = np.zeros(len(flat.lights), RECORDS["Light"].dtype)
+    models = sorted(flat.lights, key=lambda light: light.kernel != "sun")  # kernels look for suns at the front
+    declared = np.zeros(len(models), RECORDS["Light"].dtype)
     environment, target, shown = NONE, np.asarray(flat.camera.target, float), np.ones((len(declared), 3))
     weights = []
-    for i, (row, light) in enumerate(zip(declared, flat.lights, strict=True)):
+    for i, (row, light) in enumerate(zip(declared, models, strict=True)):
         weights.append(_declared(row, light, origin, target))
         if light.picture is not None:
             shown[i] = _cast(row, light, textures)
             weights[-1] *= shown[i] @ _LUMINANCE
-        if isinstance(light, EnvironmentLight):
+        if isinstance(light, SKY_LIGHTS):
             environment = i
             weights[-1] += _sky(row, light, flat, textures)
     parts, groups = [declared], [np.arange(len(declared))]
@@ -132,14 +142,19 @@ def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndar
     """Fills the record of a declared light; returns its irradiance at `target`."""
     row["kind"] = kind_number("light", light.kernel)
     row["prim"] = NONE
-    if isinstance(light, EnvironmentLight):
-        if light.radiance is None:
-            return 0.0
+    if light.kernel == "environment_map":
+        return 0.0
+    if isinstance(light, EnvironmentLight) and light.radiance is not None:
         row["radiance"][:3] = np.multiply(light.radiance, light.scale)
         return float(np.pi * _LUMINANCE @ np.multiply(light.radiance, light.scale))
     if isinstance(light, DirectionalLight):
         row["direction"][:3] = _unit(np.array(light.direction))
         row["radiance"][:3] = light.irradiance
+        if light.angle is not None:
+            half = np.radians(light.angle / 2)
+            row["radiance"][:3] = np.divide(light.irradiance, np.pi * np.sin(half) ** 2)
+            row["extra"][0] = 2 * np.sin(half / 2) ** 2
+            row["extra"][1] = 1 / (2 * np.pi * float(row["extra"][0]))
         return float(_LUMINANCE @ np.array(light.irradiance))
     if not isinstance(light, PLACED):
         raise NotImplementedError(f"a light of type {light.type} has no packing")
@@ -173,10 +188,10 @@ def _cast(row: np.ndarray, light: Light, textures: PackedTextures) -> np.ndarray
     return textures.means[light.picture]
 
 
-def _sky(row: np.ndarray, light: EnvironmentLight, flat: FlatScene, textures: PackedTextures) -> float:
+def _sky(row: np.ndarray, light: EnvironmentLight | SunSkyLight, flat: FlatScene, textures: PackedTextures) -> float:
     """Fills what a picture of the sky adds to the record; returns a quarter of its radiance over all directions, which
     for a constant one is the irradiance of a plane."""
-    if flat.textures.sky is None or light.file is None:
+    if flat.textures.sky is None or light.kernel != "environment_map":
         return 0.0
     row["prim"] = textures.sky
     row["radiance"][:3] = light.scale

@@ -19,10 +19,18 @@ from raytide.scene.builders import (
     sky,
     sphere,
     spot,
+    sun_sky,
 )
 from raytide.scene.camera import Orthographic, ThinLens
 from raytide.scene.camera import Pinhole as Camera
-from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight
+from raytide.scene.lights import (
+    DirectionalLight,
+    EnvironmentLight,
+    PointLight,
+    ProjectorLight,
+    SpotLight,
+    SunSkyLight,
+)
 from raytide.scene.load import from_tables, load
 from raytide.scene.materials import (
     Blend,
@@ -75,6 +83,7 @@ __all__ = [
     "Scene",
     "Sphere",
     "SpotLight",
+    "SunSkyLight",
     "ThinDielectric",
     "ThinFilm",
     "ThinLens",
@@ -95,4 +104,5 @@ __all__ = [
     "sky",
     "sphere",
     "spot",
+    "sun_sky",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight
+from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight, SunSkyLight
 from raytide.scene.shapes import Box, Disk, Instance, Mesh, Plane, Rectangle, Sphere
 from raytide.scene.textures import Bitmap, Checkerboard, MeshAttribute
 
@@ -57,9 +57,16 @@ def point(position: Any, intensity: Any) -> PointLight:
     return PointLight(position=position, intensity=intensity)
 
 
-def directional(direction: Any, irradiance: Any) -> DirectionalLight:
-    """Parallel light that travels along `direction`; irradiance in W/m^2. Raises SceneError."""
-    return DirectionalLight(direction=direction, irradiance=irradiance)
+def directional(direction: Any, irradiance: Any, angle: float | None = None) -> DirectionalLight:
+    """Light from far away that travels along `direction`: parallel, or from a disk `angle` degrees across; irradiance
+    in W/m^2. Raises SceneError."""
+    return DirectionalLight(direction=direction, irradiance=irradiance, angle=angle)
+
+
+def sun_sky(elevation: float = 45.0, azimuth: float = 0.0, turbidity: float = 3.0, **keys: Any) -> SunSkyLight:
+    """Daylight with the sun at `elevation`, `azimuth` from -z towards +x [degrees]; `keys` as in a scene file. Raises
+    SceneError."""
+    return SunSkyLight(elevation=elevation, azimuth=azimuth, turbidity=turbidity, **keys)
 
 
 def spot(

@@ -14,6 +14,7 @@ from raytide.importers.mitsuba.build import Build
 from raytide.importers.mitsuba.document import Plugin, Property
 from raytide.importers.mitsuba.reader import Reader
 from raytide.importers.mitsuba.sensors import horizontal_fov
+from raytide.importers.mitsuba.sunsky import read_sunsky
 from raytide.importers.mitsuba.transforms import is_mirror, uniform_scale
 from raytide.importers.picture import load_picture
 
@@ -181,13 +182,6 @@ def _envmap(reader: Reader) -> Table | None:
     return reader.build.textures.environment(reader, path, scale, matrix)
 
 
-def _sunsky(reader: Reader) -> Table | None:
-    reader.lacks("the emitter 'sunsky'", "constant, envmap or directional")
-    for name in list(reader.plugin.properties):
-        reader.ignore(name)
-    return None
-
-
 LIGHTS: dict[str, Callable[[Reader], Any]] = {
     "constant": _constant,
     "directional": _directional,
@@ -195,5 +189,5 @@ LIGHTS: dict[str, Callable[[Reader], Any]] = {
     "point": _point,
     "projector": _projector,
     "spot": _spot,
-    "sunsky": _sunsky,
+    "sunsky": read_sunsky,
 }
