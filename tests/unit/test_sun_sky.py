@@ -12,8 +12,8 @@ import pytest
 import raytide as rt
 from mitsuba_scenes import loaded, problems_of
 from raytide.errors import SceneError
+from raytide.importers.sun_position import sun_position
 from raytide.scene import from_tables
-from raytide.scene.sun_position import sun_position
 from raytide.scene.sun_sky import SUN_ANGLE, sky_coefficients, sky_radiance, sky_texels, sun_irradiance, tables
 
 WAYS = np.array(((0.3, 0.4, 0.8), (-0.9, 0.1, 0.05), (0.0, 1.0, 0.001)))  # zenith at +z, the sun above +x

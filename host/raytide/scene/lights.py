@@ -9,8 +9,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
+from raytide.importers.sun_position import sun_position
 from raytide.scene.model import Table
-from raytide.scene.sun_position import sun_position
 from raytide.scene.sun_sky import SUN_ANGLE, sky_texels, sun_irradiance
 from raytide.scene.transform import Step, matrix_of
 from raytide.scene.values import (

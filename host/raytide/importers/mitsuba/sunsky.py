@@ -10,7 +10,7 @@ import numpy as np
 
 from raytide.importers.mitsuba.reader import Reader
 from raytide.importers.mitsuba.transforms import is_mirror, rotation, step_of, uniform_scale
-from raytide.scene.sun_position import sun_position
+from raytide.importers.sun_position import sun_position
 
 TURN = rotation((1.0, 0.0, 0.0), 90.0)  # raytide's zenith +y to Mitsuba's, +z
 MOMENT = {"year": 2010, "month": 7, "day": 10, "hour": 15.0, "minute": 0.0, "second": 0.0}
