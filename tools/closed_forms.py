@@ -307,8 +307,8 @@ def material_checks() -> dict[str, list[Check]]:
     glass, pane = scene["materials"]["glass"], scene["objects"]["pane"]
     kept = np.exp(-colour(glass["absorption"]) * (pane["max"][2] - pane["min"][2]))
     once = ((glass["ior"] - 1) / (glass["ior"] + 1))**2
-    out["absorbing_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)**2
-                                   * kept / (1 - (once * kept)**2), "L (1 - R)^2 a / (1 - R^2 a^2), a = exp(-s d)", NOISY / 2)]
+    out["absorbing_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)**2 * kept
+                                   / (1 - (once * kept)**2), "L (1 - R)^2 a / (1 - R^2 a^2), a = exp(-s d)", NOISY / 2)]
     return out
 
 
