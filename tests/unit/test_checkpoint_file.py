@@ -65,7 +65,7 @@ def write_and_die(path: Path, number: int, at: int) -> bool:
         dies = Dies(at)
         for name in ("fsync", "link", "replace"):
             setattr(os, name, dies.before(getattr(os, name)))
-        checkpoint_file._write_all = dies.before(checkpoint_file._write_all)  # type: ignore[assignment]
+        checkpoint_file.write_all = dies.before(checkpoint_file.write_all)  # type: ignore[assignment, attr-defined]
         write(path, content(number))
         os._exit(0)
     return os.WIFSIGNALED(os.waitpid(child, 0)[1])

@@ -13,7 +13,6 @@ from raytide.report.summary import summarise
 
 STEADY_CV = 0.03  # values are repeated while they spread more
 DRIFT = 0.03  # relative: last third against first third
-SUITES = ("quick", "full", "peaks", "build", "rays", "renders")
 PARTS = ("peaks", "build", "rays", "renders")
 
 

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
-from raytide.cli.replicates import Reporter, budgets_of, named_scenes, picture_size
+from raytide.cli.replicates import (
+    Reporter,
+    budgets_of,
+    made_reference,
+    make_output,
+    named_scenes,
+    picture_size,
+    slice_spp,
+)
 from raytide.cli.signals import StopOnSignal
 from raytide.errors import UsageError
 
@@ -18,7 +26,6 @@ if TYPE_CHECKING:
     from raytide.report.experiment import Devices, Plan
 
 SHIPPED = Path("scenes")
-REFERENCE_TIMES, REFERENCE_SLICES = 64, 8
 
 
 def audit(
@@ -36,7 +43,6 @@ def audit(
 
     Prints a table and writes audit.json and audit.html. References lie in the output folder and are used again.
     """
-    from raytide.cli.converge import make_output
     from raytide.report.experiment import Plan, variants_of
 
     if output is None:
@@ -68,7 +74,7 @@ def every(plans: list[Plan], output: Path, reporter: Reporter, verdicts: list[Ve
     print(" | ".join(HEAD))
     with Devices(plans[0].threads) as devices:
         for plan in plans:
-            found = audit_one(plan, devices, output / f"{plan.name}.reference.exr", reporter)
+            found = audit_one(plan, devices, output, reporter)
             verdicts += found
             for one in found:
                 print(line(one), flush=True)
@@ -76,29 +82,22 @@ def every(plans: list[Plan], output: Path, reporter: Reporter, verdicts: list[Ve
                 return
 
 
-def audit_one(plan: Plan, devices: Devices, path: Path, reporter: Reporter) -> list[Verdict]:
+def audit_one(plan: Plan, devices: Devices, output: Path, reporter: Reporter) -> list[Verdict]:
     """One scene: its reference, then its seeds."""
     from raytide.render import Renderer
     from raytide.report.audit import audit_scene
     from raytide.report.experiment import load_variant
-    from raytide.report.reference import Slices, make_reference
-
-    name = plan.name
-
-    def sliced(done: Slices) -> None:
-        reporter.progress(f"{name}, reference: {done.count}/{REFERENCE_SLICES} slices")
 
     def counted(seeds: int) -> None:
-        reporter.progress(f"{name}: {seeds}/{plan.replicates} seeds")
+        reporter.progress(f"{plan.name}: {seeds}/{plan.replicates} seeds")
 
     scene = load_variant(plan, plan.variants[0])
-    scene.render.spp = spp = max(1, REFERENCE_TIMES * plan.most_spp // REFERENCE_SLICES)
+    scene.render.spp = slice_spp(plan)
     with Renderer(scene, devices.open(plan.variants[0].device)) as renderer:
-        reporter.attach(renderer)
-        done = make_reference(renderer, path, spp, REFERENCE_SLICES, reporter.stopped, sliced)
-        if reporter.stopped() or done.count < 2:
+        truth = made_reference(renderer, plan, output, reporter)
+        if reporter.stopped() or truth is None:
             return []
-        return audit_scene(renderer, plan, done.truth(name), reporter.stopped, counted)
+        return audit_scene(renderer, plan, truth, reporter.stopped, counted)
 
 
 HEAD = ("scene", "spp", "error", "estimate / truth (relMSE)", "tiles held", "too low", "too high", "width",

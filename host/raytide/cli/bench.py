@@ -166,26 +166,32 @@ def write(path: Path, result: dict[str, Any]) -> None:
     """The file appears only when it is complete."""
     import json
 
-    from raytide.image import replacing
+    from raytide.report.files import write_text
 
-    with replacing(path) as draft:
-        draft.write(json.dumps(result, indent=1).encode() + b"\n")
+    write_text(path, json.dumps(result, indent=1) + "\n")  # as it was hashed
     say(f"wrote {path}")
 
 
 def write_csv(path: Path, results: Sequence[dict[str, Any]]) -> None:
     from raytide.bench.show import csv_text
+    from raytide.report.files import write_text
 
     texts = [csv_text(result) for result in results]
-    path.write_text(texts[0] + "".join(text.partition("\n")[2] for text in texts[1:]), encoding="utf-8")
+    write_text(path, texts[0] + "".join(text.partition("\n")[2] for text in texts[1:]))
     say(f"wrote {path}")
 
 
 def write_html(path: Path, results: Sequence[dict[str, Any]]) -> None:
     from raytide.bench.report import result_page, summary_page
+
+    write_document(path, result_page(results[0]) if len(results) == 1 else summary_page(results))
+
+
+def write_document(path: Path, document: str) -> None:
+    """A page for people."""
     from raytide.report.page import write_page
 
-    write_page(path, result_page(results[0]) if len(results) == 1 else summary_page(results))
+    write_page(path, document)
     say(f"wrote {path}")
 
 
@@ -215,7 +221,9 @@ def show_file(file: Path, /, *, csv: Flag = False, html: Path | None = None) -> 
     """
     from raytide.bench.files import load_result
     from raytide.bench.show import csv_text, tables
+    from raytide.cli.options import check_outputs
 
+    check_outputs([], [html], no_clobber=False)
     result = load_result(file)
     if html:
         write_html(html, [result])
@@ -260,10 +268,8 @@ def compare(
         worse += [f"{name}: {row.part} {row.name} {row.ratio:.3f}" for row in one.regressions(share)] if share else []
     if html:
         from raytide.bench.report import comparison_page
-        from raytide.report.page import write_page
 
-        write_page(html, comparison_page(names, found))
-        say(f"wrote {html}")
+        write_document(html, comparison_page(names, found))
     for line in worse:
         say(f"worse: {line}")
     return REGRESSION if worse else 0
@@ -291,8 +297,5 @@ def summary(folder: Path, /, *, html: Path | None = None) -> int:
     results = [load_result(file) for file in files]
     print(summary_markdown(results))
     if html:
-        from raytide.report.page import write_page
-
-        write_page(html, summary_page(results))
-        say(f"wrote {html}")
+        write_document(html, summary_page(results))
     return 0

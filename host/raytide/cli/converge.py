@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
-from raytide.cli.replicates import Reporter, budgets_of, named_scenes, picture_size
+from raytide.cli.replicates import (
+    Reporter,
+    budgets_of,
+    made_reference,
+    make_output,
+    named_scenes,
+    picture_size,
+    slice_spp,
+)
 from raytide.cli.signals import Interrupted, StopOnSignal
 from raytide.errors import UsageError
 
@@ -22,8 +30,6 @@ if TYPE_CHECKING:
 
 Flag = Annotated[bool, Parameter(negative="")]
 BUDGETS = "1,2,4,8,16,32,64,128"
-REFERENCE_TIMES = 64  # samples of a reference over those of the largest budget
-REFERENCE_SLICES = 8
 
 
 def converge(
@@ -75,15 +81,6 @@ def converge(
     return reporter.ended()
 
 
-def make_output(folder: Path) -> None:
-    """The folder for the results. Raises UsageError."""
-    from raytide.cli.options import make_folder
-
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder}: came a file; wanted a folder for the results")
-    make_folder(folder, folder)
-
-
 def every(plans: list[Plan], reference: Path | None, reference_spp: int | None, start_runs: int, output: Path,
           reporter: Reporter, outcomes: list[Outcome]) -> None:  # fmt: skip
     """All scenes, one after the other; `outcomes` grows, so that what is finished is not lost."""
@@ -111,20 +108,14 @@ def truth_of(plan: Plan, devices: Devices, reference: Path | None, spp: int | No
     """The reference that was given, or one made in the output folder; None where that was interrupted too early."""
     from raytide.render import Renderer
     from raytide.report.experiment import Variant, load_variant
-    from raytide.report.reference import make_reference, read_reference
+    from raytide.report.reference import read_reference
 
     if reference is not None:
         return read_reference(reference)
-    path = output / f"{plan.name}.reference.exr"
-    each = max(1, (spp or REFERENCE_TIMES * plan.most_spp) // REFERENCE_SLICES)
     scene = load_variant(plan, Variant("reference"))
-    scene.render.spp = each
+    scene.render.spp = slice_spp(plan, spp)
     with Renderer(scene, devices.open(plan.variants[0].device)) as renderer:
-        reporter.attach(renderer)
-        name = plan.name
-        done = make_reference(renderer, path, each, REFERENCE_SLICES, reporter.stopped, lambda one: reporter.progress(
-            f"{name}, reference: {one.count}/{REFERENCE_SLICES} slices", one.count == REFERENCE_SLICES))  # fmt: skip
-    return done.truth(str(path)) if done.count >= 2 else None
+        return made_reference(renderer, plan, output, reporter)
 
 
 def starts_of(plan: Plan, runs: int, reporter: Reporter) -> dict[str, Any]:

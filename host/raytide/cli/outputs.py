@@ -34,7 +34,7 @@ def save(job: Job, film: Film) -> None:
 
 def write_report(job: Job, renderer: Renderer) -> None:
     """The renderer's report with the command and its own times, as JSON."""
-    from raytide.image import replacing
+    from raytide.report.files import write_json
 
     assert job.report is not None
     report = renderer.report()
@@ -45,18 +45,16 @@ def write_report(job: Job, renderer: Renderer) -> None:
         report["coherence"] = measure_coherence(renderer)
     report["command"] = shlex.join(["raytide", *COMMAND_WORDS.get()])
     report["outputs"] = [str(path) for path in job.outputs]
-    with replacing(job.report, no_clobber=job.no_clobber) as file:
-        file.write(json.dumps(report, indent=2).encode() + b"\n")
+    write_json(job.report, report, no_clobber=job.no_clobber)
 
 
 def write_trace(job: Job, path: Path, renderer: Renderer) -> None:
     """The series of passes as CSV: a head, then a line a pass; a field that is not known is empty."""
-    from raytide.image import replacing
+    from raytide.report.files import write_text
 
     rows = renderer.report()["series"]
     lines = [",".join(TRACE), *(",".join(field_words(row[key]) for key in TRACE) for row in rows)]
-    with replacing(path, no_clobber=job.no_clobber) as file:
-        file.write("\n".join(lines).encode() + b"\n")
+    write_text(path, "\n".join(lines) + "\n", no_clobber=job.no_clobber)
 
 
 def field_words(value: float | None) -> str:
@@ -81,9 +79,9 @@ def summary(scene: Scene, film: Film, signals: StopOnSignal, stopped_by: str | N
     return f"raytide: {', '.join(parts)} on {stats.get('device', 'an unnamed device')}{partial}"
 
 
-def check_health(renderer: Renderer, film: Film) -> None:
+def check_health(film: Film) -> None:
     """Refuse to call a picture good when too many of its samples had to be left out. Raises ImageInvalid."""
-    excluded = sum(renderer.health().values())
+    excluded = sum(film.health.values())
     total = excluded + int(film.samples.sum())
     if excluded > MOST_EXCLUDED * total:
         raise ImageInvalid(

@@ -14,9 +14,12 @@ from raytide.errors import UsageError
 
 if TYPE_CHECKING:
     from raytide.render import Renderer
-    from raytide.report.experiment import Budget, Step
+    from raytide.report.convergence import Truth
+    from raytide.report.experiment import Budget, Plan, Step
 
 EVERY_S = 5.0
+REFERENCE_TIMES = 64  # samples of a reference over those of the largest budget
+REFERENCE_SLICES = 8
 
 
 class Reporter:
@@ -101,6 +104,36 @@ def budgets_of(text: str) -> tuple[Budget, ...]:
     if len({one.spp is None for one in found}) != 1 or sorted(set(values)) != values:
         raise budget_error(text)
     return tuple(found)
+
+
+def make_output(folder: Path) -> None:
+    """The folder for the results. Raises UsageError."""
+    from raytide.cli.options import make_folder
+
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: came a file; wanted a folder for the results")
+    make_folder(folder, folder)
+
+
+def slice_spp(plan: Plan, spp: int | None = None) -> int:
+    """Samples a pixel of one slice of a plan's reference, of `spp` in all."""
+    return max(1, (spp or REFERENCE_TIMES * plan.most_spp) // REFERENCE_SLICES)
+
+
+def made_reference(renderer: Renderer, plan: Plan, output: Path, reporter: Reporter) -> Truth | None:
+    """The reference of a plan's scene in the output folder, in slices of the scene's spp; None where it was interrupted
+    too early. The renderer's picture is lost."""
+    from raytide.report.reference import Slices, make_reference
+
+    def sliced(done: Slices) -> None:
+        text = f"{plan.name}, reference: {done.count}/{REFERENCE_SLICES} slices"
+        reporter.progress(text, done.count == REFERENCE_SLICES)
+
+    reporter.attach(renderer)
+    spp = renderer.scene.render.spp
+    path = output / f"{plan.name}.reference.exr"
+    done = make_reference(renderer, path, spp, REFERENCE_SLICES, reporter.stopped, sliced)
+    return done.truth(str(path)) if done.count >= 2 else None
 
 
 def budget_error(text: str) -> UsageError:

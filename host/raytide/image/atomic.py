@@ -59,6 +59,20 @@ def replacing(
                 temporary.unlink()
 
 
+def write_all(file: BinaryIO, data: bytes | memoryview) -> None:
+    """All of `data` to an unbuffered file, which may take a part at a time, as it does at the end of the disk; the next
+    write says why."""
+    view = memoryview(data)
+    while view:
+        view = view[file.write(view):]
+
+
+def write_file(path: str | os.PathLike[str], data: bytes, *, no_clobber: bool = False) -> None:
+    """`data` as the file `path`, which appears only when it is complete. Raises as `replacing` does."""
+    with replacing(path, no_clobber=no_clobber) as file:
+        write_all(file, data)
+
+
 def check_target(target: Path, shown: str | os.PathLike[str], no_clobber: bool) -> None:
     """Refuse, before any work is spent, a path that must not be replaced."""
     try:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from numpy.typing import ArrayLike
 
-from raytide.image.atomic import replacing
+from raytide.image.atomic import write_file
 from raytide.image.tone import srgb_bytes
 
 PERCEPTUAL = b"\x00"  # rendering intent of the sRGB chunk
@@ -33,8 +33,4 @@ def write_png(path: str | os.PathLike[str], rgb: ArrayLike, exposure: float = 0.
 
     Raises UsageError and RaytideError as `raytide.image.atomic.replacing` does.
     """
-    data = png_bytes(rgb, exposure, text)
-    with replacing(path, no_clobber=no_clobber) as file:
-        view = memoryview(data)
-        while view:  # an unbuffered write may take only a part
-            view = view[file.write(view):]
+    write_file(path, png_bytes(rgb, exposure, text), no_clobber=no_clobber)

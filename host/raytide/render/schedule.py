@@ -6,17 +6,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from raytide.errors import UsageError
-from raytide.kernels.constants import EDGE_BINS, PARTITION_CHUNK, TILE, TILE_SIDE
+from raytide.kernels.constants import EDGE_BINS, FILM_BLOCK, PARTITION_CHUNK, TILE, TILE_SIDE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 
-LARGEST_PASS = 64  # samples a pixel between two looks at the film
+LARGEST_PASS = FILM_BLOCK  # samples a pixel between two looks at the film: a pass never ends inside a later block
 _RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
-# rays, hits, throughput, path, shadow light, three queues, status, a normal, and a share of the compaction's counts
-SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 5 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
+# rays, hits, throughput, path, shadow light, three queues, status, and a share of the compaction's counts
+SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
 SAMPLE_BYTES = 16
 Chunk = tuple[int, int, int, int]  # first tile, tiles, first sample, samples: what is traced before the film takes it
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity
+NORMAL_BYTES = 4  # a slot more where lights are picked by a tree
 
 
 @dataclass(frozen=True)
@@ -117,15 +118,20 @@ class WavePlan:
         return self.capacity * self.slot_bytes + self.samples * SAMPLE_BYTES
 
 
+def slot_bytes_of(features: Features) -> int:
+    """What the wave buffers hold for each path."""
+    return SLOT_BYTES + SCATTERING_BYTES * features.opacity + NORMAL_BYTES * features.light_tree
+
+
 def plan_waves(
-    kind: str, compute_units: int, memory: int | None, most_items: int, max_alloc: int, opacity: bool = False
+    kind: str, compute_units: int, memory: int | None, most_items: int, max_alloc: int, slot_bytes: int = SLOT_BYTES
 ) -> WavePlan:
     """Sizes from the device and a budget in bytes, never from resolution or sample count.
 
     CPUs get waves that stay near their caches; GPUs get enough rays to fill them. `most_items` (tiles x 64 x samples)
-    only makes small renders smaller. UsageError where the budget cannot hold one tile.
+    only makes small renders smaller; `slot_bytes` are those of slot_bytes_of. UsageError where the budget cannot hold
+    one tile.
     """
-    slot_bytes = SLOT_BYTES + (SCATTERING_BYTES if opacity else 0)
     capacity = (1 << 16) if kind != "gpu" else min(1 << 20, max(1 << 17, compute_units << 13))
     samples = capacity * 16
     if memory is not None:

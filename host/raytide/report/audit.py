@@ -19,7 +19,6 @@ from raytide.report.convergence import Truth
 from raytide.report.experiment import Plan
 
 NOISELESS = 1e-10  # relMSE: below, only rounding is left
-SURE_TILES = 64  # tiles and seeds that a figure should stand on
 GOAL = (0.93, 0.97)
 
 

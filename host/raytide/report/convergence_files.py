@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from raytide.image import write_file
 from raytide.report.convergence import Fit, Measured, Point, Truth, efficiency, fit, time_to
 from raytide.report.experiment import Plan, Track
-from raytide.report.files import write_bytes
 from raytide.report.start_cost import StartCost
 
 SCHEMA = "raytide.converge/1"
@@ -125,7 +125,7 @@ def write_plot(path: Path, outcomes: Sequence[Outcome]) -> bool:
             axes.set_title(outcome.name if row == 0 else "")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=100)
-    write_bytes(path, buffer.getvalue())
+    write_file(path, buffer.getvalue())
     return True
 
 

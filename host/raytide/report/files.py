@@ -7,7 +7,7 @@ import math
 import os
 from typing import Any
 
-from raytide.image import replacing
+from raytide.image import write_file
 
 
 def finite(value: Any) -> Any:
@@ -19,19 +19,12 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """The file appears only when it is complete. Raises as `raytide.image.replacing` does."""
-    with replacing(path) as file:
-        view = memoryview(data)
-        while view:  # an unbuffered write may take only a part
-            view = view[file.write(view):]
+def write_text(path: str | os.PathLike[str], text: str, *, no_clobber: bool = False) -> None:
+    """UTF-8. The file appears only when it is complete. Raises as `raytide.image.replacing` does."""
+    write_file(path, text.encode(), no_clobber=no_clobber)
 
 
-def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """UTF-8."""
-    write_bytes(path, text.encode())
-
-
-def write_json(path: str | os.PathLike[str], result: dict[str, Any]) -> None:
-    """`result`, null where a number is not finite."""
-    write_text(path, json.dumps(finite(result), indent=1, allow_nan=False, default=str) + "\n")
+def write_json(path: str | os.PathLike[str], result: dict[str, Any], *, no_clobber: bool = False) -> None:
+    """`result`, null where a number is not finite. Raises as `write_text` does."""
+    text = json.dumps(finite(result), indent=1, allow_nan=False, default=str)
+    write_text(path, text + "\n", no_clobber=no_clobber)
