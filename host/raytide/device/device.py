@@ -115,8 +115,8 @@ class Device:
         return array
 
     def read_later(self, buffer: Buffer, dtype: Any, count: int) -> Callable[[], np.ndarray]:
-        """The first `count` elements of `dtype` as they will be after all launches so far; what comes back waits for them,
-        and for nothing that is launched after this call."""
+        """The first `count` elements of `dtype` as they will be after all launches so far; what comes back waits for
+        them, and for nothing that is launched after this call."""
         array = np.empty(int(count), np.dtype(dtype))
         _check_span("read", buffer, 0, array.nbytes)
         doing = f"a read of {human(array.nbytes)}"

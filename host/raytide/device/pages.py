@@ -1,5 +1,5 @@
-"""Large pages for the big buffers of CPU devices: a tree of a million triangles lies on 25 000 pages of 4 KiB, more than
-the processor keeps the places of, and on 50 of 2 MiB. A hint to the system (Linux: transparent huge pages), no more."""
+"""Large pages for the big buffers of CPU devices: a tree of a million triangles lies on 25 000 pages of 4 KiB, more
+than the processor keeps the places of, and on 50 of 2 MiB. A hint to the system (Linux: transparent huge pages)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import mmap
 from typing import Any
 
 LARGE = 1 << 21  # bytes of a large page
-SMALLEST = 2 * LARGE  # of a buffer: its ends seldom lie at the ends of pages, so that less would seldom hold a whole one
+SMALLEST = 2 * LARGE  # of a buffer: it seldom begins where a page does, and less would seldom hold a whole one
 
 
 def ask_for_large_pages(cl: Any, queue: Any, handle: Any, nbytes: int) -> bool:

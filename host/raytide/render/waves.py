@@ -228,8 +228,8 @@ class Waves:
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 
     def _shade(self, count: int, label: str) -> tuple[int, np.ndarray]:
-        """Shades `count` queued paths and traces their shadow rays, a launch called `label`; gives the paths that go on,
-        and by edges."""
+        """Shades `count` queued paths and traces their shadow rays, in a launch called `label`; gives the paths that go
+        on, and by edges."""
         scene, launch, n = self.scene, self.device.launch, np.uint32(count)
         queue, following = self._queues
         launch(
