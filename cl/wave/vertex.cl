@@ -250,6 +250,16 @@ static float3 emission_seen(const Lights lights, const LightPlace from, global c
 #endif
 }
 
+// What stands for a direction that is no number: a ray without a way, which carries NaN, so that it is counted and its
+// sample left out (wave/fault.cl). Simply ending the path would be black.
+static Ray no_way(void)
+{
+    Ray out;
+    out.origin = (float4)(0.0f);
+    out.direction = (float4)(float_of(0x7fc00000u));
+    return out;
+}
+
 // Where the vertex asks for light: the side that it must come from, too, unless light passes the surface. Kept for the
 // light that the path meets next, which asks how likely it was to be picked from here.
 static LightPlace light_place_of(const PathVertex *v, const uint slot LEFT_NORMALS_ARGUMENT)
@@ -281,6 +291,9 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
     const float pdf = light.pdf * pick_pdf;
     const float same_side = dot3(wi, v->normal) * (v->wo.z < 0.0f ? -wi_local.z : wi_local.z);
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
+        out.valid = pdf != pdf || (pdf > 0.0f && same_side != same_side);
+        out.ray = no_way();
+        out.light = (float3)(out.ray.direction.x);
         return out;
     }
     BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
@@ -307,11 +320,16 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     NextRay out;
     out.valid = 0;
     const BsdfSample bsdf = material_sample(material_of(v), v->wo, u);
-    if (!(bsdf.pdf > 0.0f)) {
-        return out;
-    }
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
+    if (!(bsdf.pdf > 0.0f) || side != side) {
+        out.valid = bsdf.pdf != bsdf.pdf || (bsdf.pdf > 0.0f && side != side);
+        out.ray = no_way();
+        out.state = out.ray.direction;
+        out.medium = 0u;
+        out.delta = 0;
+        return out;
+    }
     const int passes = (bsdf.flags & BSDF_TRANSMIT) ? side < 0.0f : side > 0.0f;
     out.medium = medium_ahead(v, bsdf.wi.z);
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;

@@ -13,7 +13,7 @@ import numpy as np
 
 from raytide.accel import Forest
 from raytide.device import Buffer, Device, Program
-from raytide.errors import UsageError
+from raytide.errors import DeviceError, UsageError
 from raytide.kernels.constants import (
     COUNTER_SHADOW,
     COUNTERS,
@@ -144,10 +144,12 @@ class Waves:
         plan: WavePlan,
         trial: Trial,
         pixels_of: Callable[[int, int], int],
+        faults: Buffer,
     ) -> None:
-        """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles."""
+        """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles; `faults` are the
+        picture's counters of unsound values."""
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
-        self.pixels_of, self.trial = pixels_of, trial
+        self.pixels_of, self.trial, self.faults = pixels_of, trial, faults
         self.rays = RayCounts()
         self.observe: Observer | None = None
         self.traced_by: dict[str, str] = {}  # launch label -> variant that traced the last one
@@ -164,6 +166,7 @@ class Waves:
         self._counters = device.empty(COUNTERS * 4)
         self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
         self.samples = device.empty(plan.samples * 16)
+        self.most_queued = 0  # slots in use at a time
 
     def run(
         self, chunk: tuple[int, int, int, int], stopped: Callable[[], bool], groups: Groups | None = None
@@ -192,7 +195,9 @@ class Waves:
                 label = _label("reflection", edges)
                 self.rays.add(label, edges)
                 self._extend(0, alive, label)
-            alive, edges = self._shade(alive + fresh, _label("shadow", self._next_edges(edges, fresh)))
+            count = alive + fresh
+            self.most_queued = max(self.most_queued, count)
+            alive, edges = self._shade(count, _label("shadow", self._next_edges(edges, fresh)))
         self.rays.primary += groups.samples if groups else self.pixels_of(first_tile, tiles) * samples
         return True
 
@@ -231,13 +236,13 @@ class Waves:
         """Shades `count` queued paths and traces their shadow rays, in a launch called `label`; gives the paths that go
         on, and by edges."""
         scene, launch, n = self.scene, self.device.launch, np.uint32(count)
-        queue, following = self._queues
+        queue = self._queues[0]
         launch(
             self.programs["shade"], "shade", count, 64,
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
-            self._shadow_rays, self._shadow_light, self.samples, *self._scatterings,
+            self._shadow_rays, self._shadow_light, self.samples, self.faults, *self._scatterings,
             label="shade",
         )  # fmt: skip
         self._partition(n)
@@ -245,7 +250,9 @@ class Waves:
         if "shadow" in self.programs:
             asked = self.observe or not self.trial.is_settled(kind_of(label))  # who looks or measures wants the number
             self._shadow(label, int(counters()[COUNTER_SHADOW]) if asked else count)
-        alive, _, *by_edges = counters().tolist()
+        alive, shadow, *by_edges = counters().tolist()
+        if max(alive, shadow) > count:
+            raise DeviceError(f"queues overflow: {alive} paths and {shadow} shadow rays came of {count} paths")
         onward, shadows = np.array(by_edges, np.int64).reshape(2, EDGE_BINS)
         self.rays.add(label, shadows)
         self._queues.reverse()
