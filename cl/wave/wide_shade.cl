@@ -92,7 +92,11 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     const Rows8 state = rows_at(s->throughput, slot);
     const uint8 edge = as_uint8(path.y) & PATH_EDGES;
     Vertices8 v = vertices_of(s->g, s->objects, s->materials, prim, hit, xyz8(direction), xyz8(state), lanes);
+#if HAS_SKY
     const uint alone = held & ~v.lanes;
+#else
+    const uint alone = held & ~v.lanes & movemask8((found != NONE) | (edge == 1u));  // the others saw nothing
+#endif
     const uint first = v.lanes & movemask8(edge == 1u);
     const uint8 sample = as_uint8(path.x);
     const uint scattering = v.lanes & movemask8((v.kind != MATERIAL_EMISSIVE) & (edge < s->settings->max_depth));
