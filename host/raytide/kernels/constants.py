@@ -16,6 +16,7 @@ STRETCHED = 4  # flag of a material record: its shading frame follows the surfac
 ONE_SIDED = 8  # flag of a material record: the back is black
 SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing were there
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
+SPLAT_WORDS = 9  # of a pixel: three sums of three words
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
 
 SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY = 4, 5, 6  # widths of slots that are no parameter: maps of relief, opacity
@@ -34,6 +35,7 @@ _UNSIGNED = {
     "TILE_GROUP": TILE_GROUP,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
+    "SPLAT_WORDS": SPLAT_WORDS,
     "COUNTER_EDGES": COUNTER_EDGES,
     "SLOT_NORMALS": SLOT_NORMALS,
     "SLOT_HEIGHTS": SLOT_HEIGHTS,

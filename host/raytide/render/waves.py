@@ -36,7 +36,8 @@ Observer = Callable[[str, Buffer, int, int, Buffer, Buffer], None]  # label, que
 
 @dataclass
 class RayCounts:
-    """Rays traced: camera rays, and onward and shadow rays by the path edge of the vertex that they left.
+    """Rays traced: camera rays, onward and shadow rays by the path edge of the vertex that they left, and rays from the
+    lights (integrator photon).
 
     `mixed` are those of `reflection` and `shadow` that were traced in launches together with other edges.
     """
@@ -47,6 +48,7 @@ class RayCounts:
     mixed: dict[str, np.ndarray] = field(
         default_factory=lambda: {wave: np.zeros(EDGE_BINS, np.int64) for wave in ("reflection", "shadow")}
     )
+    emitted: int = 0
 
     def add(self, wave: str, by_edges: np.ndarray) -> None:
         """Count the rays of one launch of "reflection" or "shadow"."""
@@ -57,7 +59,7 @@ class RayCounts:
 
     @property
     def total(self) -> int:
-        return self.primary + int(self.reflection.sum()) + int(self.shadow.sum())
+        return self.primary + self.emitted + int(self.reflection.sum()) + int(self.shadow.sum())
 
 
 @dataclass(frozen=True)
@@ -152,13 +154,13 @@ class Waves:
         self.traced_by: dict[str, str] = {}  # launch label -> variant that traced the last one
         slots = plan.capacity
         ray = RECORDS["Ray"].size
-        self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
-        self._hits = device.empty(slots * RECORDS["Hit"].size)
-        self._scatterings = (device.empty(slots * 16),) if scene.opacity else ()
-        self._throughput, self._paths = device.empty(slots * 16), device.empty(slots * 16)
-        self._shadow_light, self._status = device.empty(slots * 16), device.empty(slots * 4)
-        self._queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
-        self._shadow_queue = device.empty(slots * 4)
+        self.path_rays, self.shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
+        self.hits = device.empty(slots * RECORDS["Hit"].size)
+        self.scatterings = (device.empty(slots * 16),) if scene.opacity else ()
+        self.throughput, self.paths = device.empty(slots * 16), device.empty(slots * 16)
+        self.shadow_light, self.status = device.empty(slots * 16), device.empty(slots * 4)
+        self.queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
+        self.shadow_queue = device.empty(slots * 4)
         self._chunk_counts = device.empty(-(-slots // PARTITION_CHUNK) * 2 * EDGE_BINS * 4)
         self._counters = device.empty(COUNTERS * 4)
         self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
@@ -175,6 +177,21 @@ class Waves:
         first_tile, tiles, first_sample, samples = chunk
         items = groups.count * TILE if groups else tiles * TILE * samples
         extra = groups.buffers if groups else ()
+
+        def begin(*place: int) -> None:
+            self._primary(extra, *place, first_tile, first_sample, samples)
+
+        if not self.walk(items, begin, self._shade, stopped):
+            return False
+        self.rays.primary += groups.samples if groups else self.pixels_of(first_tile, tiles) * samples
+        return True
+
+    def walk(
+        self, items: int, begin: Callable[[int, int, int], None],
+        scatter: Callable[[int], tuple[int, np.ndarray]], stopped: Callable[[], bool],
+    ) -> bool:  # fmt: skip
+        """Traces `items` paths to their ends. `begin(place in the queue, first item, items)` fills slots and traces
+        them; `scatter(paths)` deals with what all queued ones met and gives those that go on, and by edges."""
         self._reset_queue()
         begun = alive = 0
         edges = np.zeros(EDGE_BINS, np.int64)
@@ -185,39 +202,39 @@ class Waves:
             if alive <= self.plan.capacity // 2:
                 fresh = min((self.plan.capacity - alive) // TILE * TILE, items - begun)
             if fresh:
-                self._primary(extra, alive, begun, fresh, first_tile, first_sample, samples)
+                begin(alive, begun, fresh)
                 begun += fresh
             if alive:
                 self.rays.add("reflection", edges)
-                self._extend(0, alive, _label("reflection", edges))
-            count = alive + fresh
-            alive, edges = self._shade(count)
-        self.rays.primary += groups.samples if groups else self.pixels_of(first_tile, tiles) * samples
+                self.extend(0, alive, _label("reflection", edges))
+            alive, edges = scatter(alive + fresh)
         return True
 
     def _reset_queue(self) -> None:
         """The first queue lists all slots in order again, so that a chunk never depends on the one before."""
-        self.device.write(self._queues[0], np.arange(self.plan.capacity, dtype=np.uint32))
+        self.device.write(self.queues[0], np.arange(self.plan.capacity, dtype=np.uint32))
 
     def _primary(self, extra: tuple[Buffer, ...], *numbers: int) -> None:
         """`numbers`: place in the queue, first item, items, first tile, first sample and samples of the chunk."""
         place, _, count = numbers[:3]
         self.device.launch(
             self.programs["primary"], "primary", count, 64,
-            self.scene.camera, self.settings, self._queues[0], *(np.uint32(x) for x in numbers),
-            self._rays, self._throughput, self._paths, self.samples, *self._scatterings, *extra,
+            self.scene.camera, self.settings, self.queues[0], *(np.uint32(x) for x in numbers),
+            self.path_rays, self.throughput, self.paths, self.samples, *self.scatterings, *extra,
             label="camera",
         )  # fmt: skip
-        self._extend(place, count, "primary")
+        self.extend(place, count, "primary", "camera")
 
-    def _extend(self, first: int, count: int, label: str) -> None:
+    def extend(self, first: int, count: int, label: str, kind: str = "indirect") -> None:
+        """Finds what `count` queued rays meet; `kind`, of RAY_KINDS, is what they are for."""
         if self.observe:
-            self.observe(label, self._queues[0], first, count, self._rays, self._paths)
-        self._trace("extend", label, count, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits)
+            self.observe(label, self.queues[0], first, count, self.path_rays, self.paths)
+        self._trace("extend", kind, label, count, self.queues[0], np.uint32(first), np.uint32(count), self.path_rays,
+                    self.hits)  # fmt: skip
 
-    def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
+    def _trace(self, wave: str, kind: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
         """Traces `count` rays by the variant of the traversal that is fastest for them."""
-        geometry = self.scene.geometry("shadow" if wave == "shadow" else "camera" if label == "primary" else "indirect")
+        geometry = self.scene.geometry(kind)
 
         def launch(variant: Variant) -> None:
             name = wave + variant.suffix
@@ -228,37 +245,46 @@ class Waves:
 
     def _shade(self, count: int) -> tuple[int, np.ndarray]:
         """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""
-        scene, launch, programs, n = self.scene, self.device.launch, self.programs, np.uint32(count)
-        queue, following = self._queues
-        launch(
-            programs["shade"], "shade", count, 64,
+        scene = self.scene
+        self.device.launch(
+            self.programs["shade"], "shade", count, 64,
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
-            queue, n,
-            self._rays, self._hits, self._throughput, self._paths, self._status,
-            self._shadow_rays, self._shadow_light, self.samples, *self._scatterings,
+            self.queues[0], np.uint32(count),
+            self.path_rays, self.hits, self.throughput, self.paths, self.status,
+            self.shadow_rays, self.shadow_light, self.samples, *self.scatterings,
             label="shade",
         )  # fmt: skip
+        alive, shadow, onward, shadows = self.partition(count)
+        if shadow:
+            self.cast(shadow, shadows, "shadow", self.samples)
+        return alive, onward
+
+    def partition(self, count: int) -> tuple[int, int, np.ndarray, np.ndarray]:
+        """Queues what `count` paths left to do: those that go on, shadow rays, and both by edges."""
+        launch, programs, n = self.device.launch, self.programs, np.uint32(count)
+        queue, following = self.queues
         partition, chunks = programs["partition"], -(-count // PARTITION_CHUNK)
-        launch(partition, "partition_count", chunks, 64, n, self._status, self._chunk_counts, label="partition")
+        launch(partition, "partition_count", chunks, 64, n, self.status, self._chunk_counts, label="partition")
         launch(partition, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
         launch(
             partition, "partition_scatter", -(-self.plan.capacity // PARTITION_CHUNK), 64,
-            n, np.uint32(self.plan.capacity), self._status, self._chunk_counts, self._counters,
-            queue, following, self._shadow_queue,
+            n, np.uint32(self.plan.capacity), self.status, self._chunk_counts, self._counters,
+            queue, following, self.shadow_queue,
             label="partition",
         )  # fmt: skip
         counters = self.device.read(self._counters, np.uint32, COUNTERS).astype(np.int64)
-        alive, shadow = int(counters[0]), int(counters[1])
         onward, shadows = counters[COUNTER_EDGES:].reshape(2, EDGE_BINS)
         self.rays.add("shadow", shadows)
-        if shadow:
-            label = _label("shadow", shadows)
-            if self.observe:
-                self.observe(label, self._shadow_queue, 0, shadow, self._shadow_rays, self._paths)
-            self._trace("shadow", label, shadow, *self.scene.masks, self._shadow_queue, np.uint32(shadow),
-                        self._shadow_rays, self._shadow_light, self.samples)  # fmt: skip
-        self._queues.reverse()
-        return alive, onward
+        self.queues.reverse()
+        return int(counters[0]), int(counters[1]), onward, shadows
+
+    def cast(self, count: int, by_edges: np.ndarray, kind: str, results: Buffer) -> None:
+        """Traces queued shadow rays, of `kind` of RAY_KINDS, and adds the light of those that meet nothing."""
+        label = _label("shadow", by_edges)
+        if self.observe:
+            self.observe(label, self.shadow_queue, 0, count, self.shadow_rays, self.paths)
+        self._trace("shadow", kind, label, count, *self.scene.masks, self.shadow_queue, np.uint32(count),
+                    self.shadow_rays, self.shadow_light, results)  # fmt: skip
 
 
 def _label(wave: str, by_edges: np.ndarray) -> str:
