@@ -29,7 +29,8 @@ def base(**camera: object) -> rt.Scene:
     """A floor seen by a lens. What a test does not use lies under it, so that one build serves all."""
     settings = {"origin": (0, 1.6, 3), "target": (0, 0.4, 0), "fov": 40, "aperture": 0.05, "focus": 3.2}
     settings |= camera
-    scene = rt.Scene(camera=rt.ThinLens(size=SIZE, **settings), render={"max_depth": 6, "spp": 128})
+    render = {"max_depth": 6, "spp": 128, "roulette_start": 2}
+    scene = rt.Scene(camera=rt.ThinLens(size=SIZE, **settings), render=render)
     scene.add(rt.rect((0, 0, 0), u=(0, 0, 2), v=(2, 0, 0)), rt.Diffuse((0.6, 0.5, 0.4)), name="floor")
     scene.add(ball(0.05, (0, -0.2, 0)), rt.Glossy(0.5, specular=0.2, roughness=0.4), name="unseen mesh")
     scene.add(rt.sphere((0.2, -0.2, 0), 0.05), rt.Dielectric(1.5, absorption=(1.0, 0.5, 0.2)), name="unseen glass")
@@ -115,11 +116,14 @@ def test_light_traced_either_way_gives_one_picture(device: Device, scene: object
     assert (np.sqrt(variance[-1]) < 0.02 * made[0].mean(axis=0)[-1]).all()  # or the test could not fail
 
 
+BULB, IN_MIRROR = (-1.0, 0.8, 0.0), (-1.6, 0.8, 0.0)
+
+
 def mirrored() -> rt.Scene:
-    """A bulb over the floor beside an upright mirror, which the camera looks over."""
+    """A bulb over the floor beside an upright mirror, which the camera does not see."""
     scene = base(origin=(0, 3, 0), target=(0, 0, 0), up=(0, 0, -1), fov=30, focus=3, aperture=0)
-    scene["bulb"].position, scene["bulb"].intensity = (-0.2, 0.8, 0), (2, 2, 2)
-    scene.add(rt.rect((-1.0, 1, 0), u=(0, 0, 4), v=(0, 1, 0)), rt.Mirror(1.0), name="mirror")
+    scene["bulb"].position, scene["bulb"].intensity = BULB, (2, 2, 2)
+    scene.add(rt.rect((-1.3, 1, 0), u=(0, 0, 4), v=(0, 1, 0)), rt.Mirror(1.0), name="mirror")
     return scene
 
 
@@ -136,7 +140,8 @@ def lit_floor(bulb: tuple[float, float, float], intensity: float) -> np.ndarray:
 
 
 def test_a_mirror_lights_the_floor_as_a_second_bulb_which_paths_never_find(device: Device) -> None:
-    direct, both = lit_floor((-0.2, 0.8, 0), 2.0), lit_floor((-0.2, 0.8, 0), 2.0) + lit_floor((-1.8, 0.8, 0), 2.0)
+    direct = lit_floor(BULB, 2.0)
+    both = direct + lit_floor(IN_MIRROR, 2.0)
     path = pictures(device, mirrored(), 1, integrator="path", spp=256)[0]
     np.testing.assert_allclose(path.mean(axis=(0, 1)), direct.mean(axis=(0, 1)), rtol=5e-3)
     made = tiles(pictures(device, mirrored(), integrator="photon"))
@@ -147,7 +152,7 @@ def test_a_mirror_lights_the_floor_as_a_second_bulb_which_paths_never_find(devic
 
 
 def test_a_render_knows_its_error(device: Device) -> None:
-    truth = lit_floor((-0.2, 0.8, 0), 2.0) + lit_floor((-1.8, 0.8, 0), 2.0)
+    truth = lit_floor(BULB, 2.0) + lit_floor(IN_MIRROR, 2.0)
     with rt.Renderer(mirrored(), device, integrator="photon", spp=64) as renderer:
         ratios = []
         for seed in range(4):
