@@ -39,8 +39,9 @@ material = "grey"
 class FakeFilm:
     """Counts samples and saves text that tells how it was asked."""
 
-    def __init__(self, spp: int) -> None:
+    def __init__(self, spp: int, excluded: int = 0) -> None:
         self.spp = spp
+        self.health = {"non_finite": excluded, "negative": 0}
         self.samples = np.full((10, 20), spp)
         self.rgb = np.zeros((10, 20, 3), np.float32)
         self.stats: dict[str, Any] = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01}
@@ -81,7 +82,7 @@ class FakeRenderer:
             time.sleep(self.pause_s)
             if self.error:
                 raise self.error
-            self.film = FakeFilm(self.film.spp + 1)
+            self.film = FakeFilm(self.film.spp + 1, self.excluded)
             self.history.add(Row(0.5 * self.film.spp, 0.4 * self.film.spp, self.film.spp, 750_000 * self.film.spp))
             if watch:
                 self.history.complete(self.film.error)
@@ -94,9 +95,6 @@ class FakeRenderer:
 
     def stop(self) -> None:
         self.stopped.set()
-
-    def health(self) -> dict[str, int]:
-        return {"non_finite": self.excluded, "negative": 0}
 
     def report(self) -> dict[str, Any]:
         series = [asdict(row) for row in self.history.rows]

@@ -8,6 +8,8 @@
 #include "wave/splats.cl"
 // Adds the samples of a chunk to its pixels, each pixel by one item and in the order of sample numbers, as two-float
 // sums: no atomics, and the same bits whatever the wave size. Non-finite and negative samples are left out and counted.
+// Sample numbers FILM_BLOCK k and on to FILM_BLOCK (k + 1) are summed by themselves and then added to the total: whoever
+// has the sums of all blocks, from whichever run, has the picture's very bits.
 //
 // Error without a reference: at every power of two the squared difference of the two halves' means is taken. Halves of
 // an Owen-scrambled sequence are scrambled sequences themselves, so with V(n) the variance of a mean of n samples,
@@ -26,13 +28,21 @@ static float3 two_sum_error(const float3 a, const float3 b, const float3 sum)
     return (a - (sum - b_part)) + (b - b_part);
 }
 
-static TwoFloat3 add_to(const TwoFloat3 a, const float3 b)
+static TwoFloat3 add_to(const TwoFloat3 a, const float3 b, const float3 b_lo)
 {
     const float3 sum = a.hi + b;
-    const float3 low = a.lo + two_sum_error(a.hi, b, sum);
+    const float3 low = (a.lo + b_lo) + two_sum_error(a.hi, b, sum);
     TwoFloat3 out;
     out.hi = sum + low;
     out.lo = low - (out.hi - sum);
+    return out;
+}
+
+static TwoFloat3 two_float(const float4 hi, const float4 lo)
+{
+    TwoFloat3 out;
+    out.hi = xyz(hi);
+    out.lo = xyz(lo);
     return out;
 }
 
@@ -78,8 +88,8 @@ static float film_weight(global const Settings *settings, const uint x, const ui
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void film(global const Settings *settings, const uint first_tile, const uint tiles, const uint first_sample,
                  const uint samples_in_chunk, global const float4 *samples, global float4 *sum_hi,
-                 global float4 *sum_lo, global float4 *half_sum, global float4 *differences, global uint *health
-                 SPAN_ARGUMENTS SPLAT_ARGUMENTS)
+                 global float4 *sum_lo, global float4 *block_hi, global float4 *block_lo, global float4 *half_sum,
+                 global float4 *differences, global uint *health SPAN_ARGUMENTS SPLAT_ARGUMENTS)
 {
     const uint i = (uint)get_global_id(0);
     const uint lane = i % TILE;
@@ -91,11 +101,11 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
         return;
     }
     const ulong pixel = (ulong)y * settings->width + x;
-    TwoFloat3 sum;
-    sum.hi = xyz(sum_hi[pixel]);
-    sum.lo = xyz(sum_lo[pixel]);
+    TwoFloat3 total = two_float(sum_hi[pixel], sum_lo[pixel]);
+    TwoFloat3 block = two_float(block_hi[pixel], block_lo[pixel]);
     uint valid = bits_of(sum_hi[pixel].w);
     float hits = sum_lo[pixel].w;
+    float block_hits = block_lo[pixel].w;
 #if HAS_ADAPTIVE
     const uint4 span = spans[local_tile];
     const uint2 range = range_of(ranges[tile], x, y);
@@ -124,14 +134,21 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
         const int negative = finite && (value.x < 0.0f || value.y < 0.0f || value.z < 0.0f);
         if (finite && !negative) {
             const float weight = film_weight(settings, x, y, first + s);
-            sum = add_to(sum, value * weight);
-            hits += sample.w > 0.0f ? weight : 0.0f;
+            block = add_to(block, value * weight, (float3)(0.0f));
+            block_hits += sample.w > 0.0f ? weight : 0.0f;
             valid++;
         } else {
             atomic_inc(health + (finite ? HEALTH_NEGATIVE : HEALTH_NON_FINITE));  // integers: order cannot matter
         }
         const uint n = first + s + 1u;
+        if (n % FILM_BLOCK == 0u) {
+            total = add_to(total, block.hi, block.lo);
+            hits += block_hits;
+            block = two_float((float4)(0.0f), (float4)(0.0f));
+            block_hits = 0.0f;
+        }
         if ((n & (n - 1u)) == 0u) {
+            const TwoFloat3 sum = n < FILM_BLOCK ? block : total;
             global float4 *rows = differences + 3ul * pixel;
             const float3 before_lo = (float3)(half_sum[pixel].w, rows[1].w, rows[2].w);
             const float3 step = half_difference(sum, xyz(half_sum[pixel]), before_lo, n);
@@ -141,6 +158,8 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
             rows[2].w = sum.lo.z;
         }
     }
-    sum_hi[pixel] = make4(sum.hi, float_of(valid));
-    sum_lo[pixel] = make4(sum.lo, hits);
+    sum_hi[pixel] = make4(total.hi, float_of(valid));
+    sum_lo[pixel] = make4(total.lo, hits);
+    block_hi[pixel] = make4(block.hi, 0.0f);
+    block_lo[pixel] = make4(block.lo, block_hits);
 }

@@ -22,7 +22,7 @@ _HOMES = {
         "mesh_attribute plane point rect sky sphere spot"
     ),
     "raytide.device": "list_devices pick",
-    "raytide.render": "Checkpoints Film Renderer",
+    "raytide.render": "Checkpoints Film Renderer merge",
     "raytide.errors": "BadPicture DeviceError ImageInvalid RaytideError SceneError UsageError",
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names.split()}

@@ -16,7 +16,7 @@ from raytide.verify.lab import Lab
 SHORT: dict[str, str] = {}
 # They build all programs anew, for other filters or other arithmetic: `raytide verify` tries them.
 SLOW = ("D3", "F9", "L7")
-WAITING = ("F8", "M12", "M13")  # for features
+WAITING = ("M12", "M13")  # for features
 _LABS: dict[int, Lab] = {}
 
 

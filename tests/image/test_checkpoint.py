@@ -49,7 +49,7 @@ class Collected(rt.Checkpoints):
 
 
 def same(a: rt.Film, b: rt.Film) -> bool:
-    parts = [(one.data.sum_hi, one.data.sum_lo, one.data.differences) for one in (a, b)]
+    parts = [(*vars(one.data.sums).values(), one.data.differences) for one in (a, b)]
     return a.spp == b.spp and all(x.tobytes() == y.tobytes() for x, y in zip(*parts, strict=True))
 
 

@@ -37,6 +37,7 @@ class Job:
     log_json: bool
     checkpoint: Path | None = None
     every: float | None = None
+    samples: str | None = None
     resumed: Path | None = None
     times: dict[str, float] = field(default_factory=dict)
 
@@ -45,7 +46,8 @@ class Job:
         self.times[stage] = self.times.get(stage, 0.0) + time.perf_counter() - begun
 
 
-OWN = ("quiet", "log_json", "checkpoint", "every", "resumed", "times", "no_clobber")  # of one run, not of the render
+# of one run, not of the render
+OWN = ("quiet", "log_json", "checkpoint", "every", "samples", "resumed", "times", "no_clobber")
 PATHS = ("scene", "report", "trace")
 
 

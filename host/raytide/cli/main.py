@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "render": ("raytide.cli.render:render", "Render a scene file to EXR or PNG."),
     "resume": ("raytide.cli.resume:resume", "Go on with a render from its checkpoint."),
+    "merge": ("raytide.cli.shard:merge", "Put sample ranges of one picture together."),
     "scene": ("raytide.cli.scene:app", "Check, describe and convert scene files."),
     "compare": ("raytide.cli.compare:compare", "Compare two pictures: errors, and whether they differ beyond noise."),
     "reference": ("raytide.cli.reference:reference", "Render a converged picture that knows its own variance."),

@@ -31,6 +31,9 @@ Kept = Annotated[
 Every = Annotated[
     str | None, Parameter(help="time between checkpoints, such as 30s; default: 60s, and at most 1 % of the time")
 ]
+Samples = Annotated[
+    str | None, Parameter(help="only samples A:B of each pixel, such as 256:512, into -o F.shard for `raytide merge`")
+]
 SUFFIXES = (".exr", ".png")
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30}
 
@@ -98,16 +101,18 @@ def defines_of(words: Sequence[str] | None) -> dict[str, str]:
     return found
 
 
-def check_outputs(outputs: Sequence[Path], others: Sequence[Path | None], no_clobber: bool) -> None:
+def check_outputs(
+    outputs: Sequence[Path], others: Sequence[Path | None], no_clobber: bool, suffixes: Sequence[str] = SUFFIXES
+) -> None:
     """Refuse, before any work is spent, files that could not be written; make missing folders.
 
-    Raises UsageError for a wrong suffix, one file named twice, a folder in the place of a file, a folder that
-    cannot be written, and with `no_clobber` a file that exists.
+    Raises UsageError for a suffix that is not one of `suffixes`, one file named twice, a folder in the place of a file,
+    a folder that cannot be written, and with `no_clobber` a file that exists.
     """
     files = [*outputs, *(path for path in others if path)]
     for path in outputs:
-        if path.suffix.lower() not in SUFFIXES:
-            raise UsageError(f"{path}: came the suffix {path.suffix!r}; wanted one of {', '.join(SUFFIXES)}")
+        if path.suffix.lower() not in suffixes:
+            raise UsageError(f"{path}: came the suffix {path.suffix!r}; wanted one of {', '.join(suffixes)}")
     for path in files:
         if sum(os.path.abspath(path) == os.path.abspath(other) for other in files) > 1:
             raise UsageError(f"{path}: named as output more than once")

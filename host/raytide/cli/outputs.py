@@ -79,9 +79,9 @@ def summary(scene: Scene, film: Film, signals: StopOnSignal, stopped_by: str | N
     return f"raytide: {', '.join(parts)} on {stats.get('device', 'an unnamed device')}{partial}"
 
 
-def check_health(renderer: Renderer, film: Film) -> None:
+def check_health(film: Film) -> None:
     """Refuse to call a picture good when too many of its samples had to be left out. Raises ImageInvalid."""
-    excluded = sum(renderer.health().values())
+    excluded = sum(film.health.values())
     total = excluded + int(film.samples.sum())
     if excluded > MOST_EXCLUDED * total:
         raise ImageInvalid(

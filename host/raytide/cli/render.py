@@ -15,11 +15,13 @@ from cyclopts import Parameter
 from raytide.cli.config import HOST, Settings, environment, gather
 from raytide.cli.job import Job, checkpoints_of
 from raytide.cli.options import (
+    SUFFIXES,
     Changes,
     Defines,
     Every,
     Kept,
     Outputs,
+    Samples,
     check_outputs,
     defines_of,
     seconds_of,
@@ -27,6 +29,7 @@ from raytide.cli.options import (
 )
 from raytide.cli.outputs import check_health, save, summary, write_report, write_trace
 from raytide.cli.progress import Progress, progress_for, set_up_logging
+from raytide.cli.shard import SHARD_SUFFIXES, check_shard, render_samples
 from raytide.cli.signals import SIGNALS, Interrupted, StopOnSignal
 from raytide.errors import RaytideError, UsageError
 
@@ -51,6 +54,7 @@ def render(
     trace: Annotated[Path | None, Parameter(help="write time, samples, rays and error after each pass, as CSV")] = None,
     checkpoint: Kept = None,
     every: Every = None,
+    samples: Samples = None,
     coherence: Annotated[
         bool, Parameter(negative="", help="measure how coherent each wave's rays are, into --report")
     ] = False,
@@ -75,14 +79,15 @@ def render(
     logger = set_up_logging(quiet=quiet, verbose=verbose, as_json=log_json)
     outputs = output or []
     check_request(outputs, report, explain=explain, coherence=coherence)
-    check_outputs(outputs, [report, trace], no_clobber)
+    check_shard(samples, outputs, {"--report": report, "--trace": trace, "--checkpoint": checkpoint})
+    check_outputs(outputs, [report, trace], no_clobber, SUFFIXES if samples is None else SHARD_SUFFIXES)
     check_checkpoint(checkpoint, every)
     settings = gather({**keys, "size": size, "device": device, "threads": threads, "memory": memory}, environment())
     for warning in settings.warnings:
         logger.warning(warning)
     job = Job(
         scene, outputs, report, trace, changes or [], defines_of(define), allow_outside, coherence, everything,
-        traversal, half, exposure, no_clobber, quiet, log_json, checkpoint, seconds_of("--every", every),
+        traversal, half, exposure, no_clobber, quiet, log_json, checkpoint, seconds_of("--every", every), samples,
     )  # fmt: skip
     job.times["start"] = process_age()
     with StopOnSignal() as signals:
@@ -150,6 +155,8 @@ def show_explanation(scene: Scene, settings: Settings, job: Job) -> None:
 
 def render_scene(job: Job, scene: Scene, settings: Settings, signals: StopOnSignal) -> int:
     """Render, save, report; the exit code. Raises RaytideError."""
+    if job.samples is not None:
+        return render_samples(job.samples, job, scene, settings, signals)
     progress = progress_for(quiet=job.quiet, as_json=job.log_json)
     with closing(progress), open_renderer(job, scene, settings) as renderer:
         signals.attach(renderer.stop, progress.say)
@@ -172,7 +179,7 @@ def render_scene(job: Job, scene: Scene, settings: Settings, signals: StopOnSign
         if not job.quiet:
             print(summary(scene, film, signals, renderer.stopped_by, job.log_json), file=sys.stderr)
         print(*job.outputs, sep="\n", flush=True)
-        check_health(renderer, film)
+        check_health(film)
         if checkpoints and checkpoints.failed:
             raise RaytideError(f"{checkpoints.failed}; the picture was written")
     return signals.exit_code

@@ -6,6 +6,7 @@ TILE_SIDE = 8  # pixels; a tile of 8x8 neighbouring pixels is 64 neighbouring ra
 TILE = TILE_SIDE * TILE_SIDE
 RAY_GROUP = 64  # work-items of a group where each traces one ray
 TILE_GROUP = 4  # and where each traces TILE rays
+FILM_BLOCK = 64  # neighbouring sample numbers of a pixel that the film sums by themselves; a power of two
 PARTITION_CHUNK = 1024  # queue items that one work-item of the compaction counts
 EDGE_BINS = 16  # path edges 1..15 are counted apart, 16 and more together
 COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
@@ -33,6 +34,7 @@ _UNSIGNED = {
     "TILE": TILE,
     "RAY_GROUP": RAY_GROUP,
     "TILE_GROUP": TILE_GROUP,
+    "FILM_BLOCK": FILM_BLOCK,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
     "SPLAT_WORDS": SPLAT_WORDS,

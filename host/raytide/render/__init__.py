@@ -3,5 +3,6 @@
 from raytide.render.checkpoint import Checkpoints
 from raytide.render.film import Film
 from raytide.render.renderer import Renderer
+from raytide.render.shard import merge
 
-__all__ = ["Checkpoints", "Film", "Renderer"]
+__all__ = ["Checkpoints", "Film", "Renderer", "merge"]

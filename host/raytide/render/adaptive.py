@@ -88,7 +88,7 @@ class Allocation:
     def _weigh(self, film: FilmData) -> np.ndarray:
         """What relMSE divides by at each pixel and channel, by means over the pilot: the pixel's own, and that of its
         colour in its tile. Each colour uses its own floor."""
-        mean = (film.sum_hi[..., :3].astype(np.float64) + film.sum_lo[..., :3]) / PILOT
+        mean = film.sums.wide / PILOT
         height, width = mean.shape[:2]
         odd = np.add.outer(np.arange(height), np.arange(width)) % 2
         y, x = np.indices((height, width))

@@ -6,7 +6,6 @@ the list of what is still to be traced renders the rest to the same bits, whatev
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import time
@@ -73,7 +72,7 @@ class Checkpoints:
     def _check_free(self) -> None:
         if not self.path.exists():
             return
-        facts = peek(self.path)
+        facts = checkpoint_file.peek(self.path)
         if facts is None:
             raise UsageError(f"{self.path}: came a file that is no checkpoint; wanted a name that is free")
         if facts.get("stopped_by") in (None, "interrupt"):
@@ -113,20 +112,13 @@ class Checkpoints:
 
 def capture(renderer: Renderer) -> Content:
     """All that the render builds on, and what its scene, kernels, settings and device are."""
-    from raytide.render.provenance import settings_of
-
     frame, waves = renderer.opened()
     arrays, figures = frame.capture()
     rays, history = waves.rays, renderer.history
     arrays |= {"rays": np.stack([rays.reflection, rays.shadow, rays.mixed["reflection"], rays.mixed["shadow"]])}
     return Content(
         {
-            "raytide": raytide.__version__,
-            "scene_sha256": renderer.scene_sha256,
-            "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
-            "settings": settings_of(renderer),
-            "device": renderer.device.info.id,
-            "driver": renderer.device.info.driver,
+            **origin_of(renderer),
             "spp": frame.spp,
             "stopped_by": renderer.stopped_by,
             "frame": figures,
@@ -144,7 +136,7 @@ def restore(renderer: Renderer, content: Content, path: Path) -> None:
     another device is only warned of."""
     facts = content.facts
     try:
-        _check(renderer, facts, path)
+        check_origin(facts, path, origin_of(renderer), "the scene now")
         frame, waves = renderer.opened()
         frame.restore(content.arrays, facts["frame"], renderer.plan.samples)
         reflection, shadow, mixed, mixed_shadow = content.arrays["rays"].astype(np.int64)
@@ -163,38 +155,40 @@ def restore(renderer: Renderer, content: Content, path: Path) -> None:
         )  # fmt: skip
 
 
-def _check(renderer: Renderer, facts: Mapping[str, Any], path: Path) -> None:
+def origin_of(renderer: Renderer) -> dict[str, Any]:
+    """What decides a render's samples, and where they are traced, ready for JSON."""
     from raytide.render.provenance import settings_of
 
-    if facts["scene_sha256"] != renderer.scene_sha256:
+    return {
+        "raytide": raytide.__version__,
+        "scene_sha256": renderer.scene_sha256,
+        "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()},
+        "settings": settings_of(renderer),
+        "device": renderer.device.info.id,
+        "driver": renderer.device.info.driver,
+    }
+
+
+def check_origin(facts: Mapping[str, Any], path: Path, now: Mapping[str, Any], here: str) -> None:
+    """Whether samples of the file `path` with these facts mix with those of `now`, which the words `here` name. Raises
+    UsageError."""
+    if facts["scene_sha256"] != now["scene_sha256"]:
         raise UsageError(
-            f"{path}: came the render of a scene with SHA-256 {facts['scene_sha256'][:12]}; the scene now has "
-            f"{renderer.scene_sha256[:12]}: it, or a file that it names, was changed"
+            f"{path}: came the render of a scene with SHA-256 {facts['scene_sha256'][:12]}; {here} has "
+            f"{now['scene_sha256'][:12]}: it, or a file that it names, was changed"
         )
-    now = settings_of(renderer)
-    free = FREE_KEYS[1:] if now["sampler"] == "blue_noise" else FREE_KEYS  # spp says how it shares out its numbers
+    settings = now["settings"]
+    free = FREE_KEYS[1:] if settings["sampler"] == "blue_noise" else FREE_KEYS  # spp says how it shares out its numbers
     for key, value in facts["settings"].items():
-        if key not in free and now.get(key) != value:
-            raise UsageError(f"{path}: {key}: came {value!r} in the checkpoint, {now.get(key)!r} now; wanted the same")
-    same_device = facts["device"] == renderer.device.info.id
+        if key not in free and settings.get(key) != value:
+            raise UsageError(
+                f"{path}: {key}: came {value!r} in the file, {settings.get(key)!r} in {here}; wanted the same"
+            )
+    same_device = facts["device"] == now["device"]
     shared = {wave.name for wave in WAVES if same_device or not wave.traces}  # trees are laid out by device
     for name, sha in facts["kernels_sha256"].items():
-        source = renderer.sources.get(name)
-        if name in shared and source is not None and source.sha256 != sha:
+        if name in shared and now["kernels_sha256"].get(name, sha) != sha:
             raise UsageError(
-                f"{path}: made by raytide {facts['raytide']} with other kernels ({name}) than those of this one, "
-                f"{raytide.__version__}; their samples do not mix"
+                f"{path}: made by raytide {facts['raytide']} with other kernels ({name}) than those of {here}, by "
+                f"{now['raytide']}; their samples do not mix"
             )
-
-
-def peek(path: Path) -> dict[str, Any] | None:
-    """The facts of a checkpoint without a check of the rest; None where there are none."""
-    try:
-        with open(path, "rb") as file:
-            if file.read(len(checkpoint_file.MAGIC)) != checkpoint_file.MAGIC:
-                return None
-            file.readline(66)
-            facts: dict[str, Any] = json.loads(file.readline(checkpoint_file.MOST_FACTS))["facts"]
-            return facts
-    except (OSError, ValueError, KeyError):
-        return None

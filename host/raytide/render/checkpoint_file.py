@@ -1,4 +1,4 @@
-"""The file that a render can go on from: written whole or not at all, in two generations, and checked when read.
+"""The files that keep renders: written whole or not at all, checkpoints in two generations, and checked when read.
 
 A line of magic, a line with the SHA-256 of all that follows, a line of JSON, then the arrays, one after another. A new
 generation is complete and on the disk before it takes the name, and the one before it stays as FILE.old.
@@ -19,7 +19,7 @@ import numpy as np
 from raytide.errors import UsageError
 from raytide.image import replacing, write_all
 
-MAGIC = b"raytide-checkpoint-1\n"
+CHECKPOINT = "checkpoint"
 PIECE = 1 << 20  # bytes a write
 MOST_FACTS = 1 << 28  # bytes of JSON; a larger head is none of ours
 
@@ -32,21 +32,28 @@ class Content:
     arrays: dict[str, np.ndarray]
 
 
+def magic_of(kind: str) -> bytes:
+    """The first line of a file of that kind."""
+    return f"raytide-{kind}-1\n".encode()
+
+
 def old_of(path: Path) -> Path:
     """Where the generation before stays."""
     return path.with_name(path.name + ".old")
 
 
-def write(path: Path, content: Content) -> None:
-    """Makes `content` the newest generation. Raises RaytideError where that cannot be; what there was stays then."""
+def write(path: Path, content: Content, kind: str = CHECKPOINT, *, no_clobber: bool = False) -> None:
+    """Makes `content` the file, and of checkpoints the newest generation. Raises RaytideError where that cannot be;
+    what there was stays then."""
     rows = [{"name": name, "dtype": array.dtype.str, "shape": array.shape} for name, array in content.arrays.items()]
     head = json.dumps({"facts": content.facts, "arrays": rows}).encode() + b"\n"
     parts = [memoryview(head), *(_bytes_of(array) for array in content.arrays.values())]
     digest = hashlib.sha256()
     for part in parts:
         digest.update(part)
-    with replacing(path, previous=old_of(path)) as file:
-        write_all(file, MAGIC + digest.hexdigest().encode() + b"\n")
+    previous = old_of(path) if kind == CHECKPOINT else None
+    with replacing(path, no_clobber=no_clobber, previous=previous) as file:
+        write_all(file, magic_of(kind) + digest.hexdigest().encode() + b"\n")
         for part in parts:
             for first in range(0, len(part), PIECE):
                 write_all(file, part[first : first + PIECE])
@@ -63,18 +70,42 @@ def read(path: Path) -> tuple[Content, str | None]:
     problems: list[str] = []
     for place in (path, old_of(path)):
         try:
-            return _read_one(place), problems[0] if problems else None
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            why = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
-            problems.append(f"{place}: {why}")
+            return read_one(place), problems[0] if problems else None
+        except UsageError as error:
+            problems.append(str(error))
     raise UsageError("\n".join(problems[: 2 if old_of(path).exists() else 1]))
 
 
-def _read_one(path: Path) -> Content:
-    """One file, with its digest checked. Raises OSError, and ValueError for what is no whole checkpoint."""
+def read_one(path: Path, kind: str = CHECKPOINT) -> Content:
+    """One file, with its digest checked. Raises UsageError, with the file's name, for what is no whole file of the
+    kind."""
+    try:
+        return _read_whole(path, kind)
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{path}: {error}") from error
+
+
+def peek(path: Path, kind: str = CHECKPOINT) -> dict[str, Any] | None:
+    """The facts of a file of the kind without a check of the rest; None where there are none."""
+    magic = magic_of(kind)
+    try:
+        with open(path, "rb") as file:
+            if file.read(len(magic)) != magic:
+                return None
+            file.readline(66)
+            facts: dict[str, Any] = json.loads(file.readline(MOST_FACTS))["facts"]
+            return facts
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _read_whole(path: Path, kind: str) -> Content:
+    magic = magic_of(kind)
     with open(path, "rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            raise ValueError("came a file that is no checkpoint of this version of raytide")
+        if file.read(len(magic)) != magic:
+            raise ValueError(f"came a file that is no {kind} of this version of raytide")
         wanted = file.read(65).rstrip(b"\n").decode("ascii", "replace")
         digest = hashlib.sha256()
         head = file.readline(MOST_FACTS)
@@ -87,7 +118,7 @@ def _read_one(path: Path) -> Content:
                 raise ValueError("came a file that ends too early")
             digest.update(piece)
     if digest.hexdigest() != wanted:
-        raise ValueError("came a truncated or damaged checkpoint: its SHA-256 is not the one written in it")
+        raise ValueError(f"came a truncated or damaged {kind}: its SHA-256 is not the one written in it")
     known = json.loads(head)
     return Content(known["facts"], dict(_arrays(known["arrays"], data)))
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from raytide.errors import UsageError
 from raytide.render.error import ErrorEstimate, estimate, power_of_four
+from raytide.render.film_sums import Sums
 from raytide.render.tile_error import TileErrors, tile_errors
 
 LAYERS = ("albedo", "normal", "position", "depth", "samples", "object_id", "variance")
@@ -20,11 +21,10 @@ SUFFIXES = (".exr", ".png")
 
 @dataclass(frozen=True)
 class FilmData:
-    """Film buffers as read from the device: sums (h, w, 4) float32, differences (h, w, 3, 4), and the samples left
-    out by cause."""
+    """Film buffers as read from the device: sums, differences (h, w, 3, 4) float32, and the samples left out by
+    cause."""
 
-    sum_hi: np.ndarray
-    sum_lo: np.ndarray
+    sums: Sums
     differences: np.ndarray
     health: dict[str, int]
 
@@ -55,18 +55,17 @@ class Film:
     @cached_property
     def samples(self) -> np.ndarray:
         """Samples that count in each pixel: (h, w) uint32."""
-        return np.ascontiguousarray(self.data.sum_hi[..., 3]).view(np.uint32)
+        return self.data.sums.valid
 
     @cached_property
     def rgb(self) -> np.ndarray:
         """Mean radiance, linear Rec. 709: (h, w, 3) float32. Pixels without a sample are 0."""
-        total = self.data.sum_hi[..., :3].astype(np.float64) + self.data.sum_lo[..., :3]
-        return (total / np.maximum(self.samples, 1)[..., None]).astype(np.float32)
+        return (self.data.sums.wide / np.maximum(self.samples, 1)[..., None]).astype(np.float32)
 
     @cached_property
     def alpha(self) -> np.ndarray:
         """Share of samples that met an object: (h, w) float32."""
-        return self.data.sum_lo[..., 3] / np.maximum(self.samples, 1).astype(np.float32)
+        return self.data.sums.hits / np.maximum(self.samples, 1).astype(np.float32)
 
     @cached_property
     def error(self) -> ErrorEstimate | None:

@@ -16,12 +16,14 @@ from raytide.kernels.constants import HEALTH, TILE, TILE_SIDE
 from raytide.render import schedule
 from raytide.render.adaptive import Allocation
 from raytide.render.film import FilmData
+from raytide.render.film_sums import Sums
 from raytide.render.light_paths import LightPaths
 from raytide.render.schedule import Chunk
 from raytide.render.waves import Groups, RayCounts, Waves
 
 ROWS = 3  # of squared differences a pixel
-PIXEL_BYTES = (3 + ROWS) * 16  # sums (two), half sum, differences
+SUMS = ("sum_hi", "sum_lo", "block_hi", "block_lo", "half_sum")  # of the closed blocks of samples, of the open one
+PIXEL_BYTES = (len(SUMS) + ROWS) * 16
 
 
 class Frame:
@@ -36,7 +38,7 @@ class Frame:
         self.pixels = size[0] * size[1]
         self.tiles = schedule.tiles_of(size)
         self._check_fits()
-        self._sums = [device.empty(self.pixels * 16) for _ in range(3)]
+        self._sums = [device.empty(self.pixels * 16) for _ in SUMS]
         self._differences = device.empty(self.pixels * 16 * ROWS)
         self._health = device.empty(64)
         self.light: LightPaths | None = None  # integrator photon: what every pass begins with
@@ -55,14 +57,14 @@ class Frame:
                 f"{self.device.info.id} allows {limit >> 20} MiB; render a smaller picture"
             )
 
-    def restart(self) -> None:
-        """No samples."""
+    def restart(self, first: int = 0) -> None:
+        """No samples; those below number `first` are left to others."""
         for buffer in (*self._sums, self._differences, self._health):
             self.device.fill(buffer, 0)
         self.device.take_times()
         if self.allocation:
             self.allocation.restart()
-        self.spp = 0  # samples that every pixel has; adaptive: that pixels have in the mean
+        self.spp = first  # samples that every pixel has; adaptive: that pixels have in the mean
         self.seconds = 0.0  # spent in rendering
         self.first_pass_s: float | None = None
         self.wave_times: dict[str, tuple[int, float]] = {}
@@ -220,9 +222,9 @@ class Frame:
         return iter([chunk]) if fits else self.allocation.cut(chunk, most // TILE)
 
     def _buffers(self) -> list[tuple[str, Buffer]]:
-        names = ("sum_hi", "sum_lo", "half_sum", "differences", "health")
         splats = [("splats", self.light.splats)] if self.light else []
-        return [*zip(names, (*self._sums, self._differences, self._health), strict=True), *splats]
+        named = zip((*SUMS, "differences", "health"), (*self._sums, self._differences, self._health), strict=True)
+        return [*named, *splats]
 
     def collect_times(self) -> None:
         """Adds device times since the last call to `wave_times`: launches and seconds by label."""
@@ -241,14 +243,38 @@ class Frame:
             "device": self.device.info.id,
         }
 
+    @property
+    def is_between_passes(self) -> bool:
+        """Whether no chunk of a pass is left to be traced."""
+        return not self._pending and not self._unlit
+
     def read(self) -> FilmData:
         """The film buffers as arrays."""
-        shape = (self.size[1], self.size[0], 4)
-        hi, lo = (self.device.read(buffer, np.float32, self.pixels * 4).reshape(shape) for buffer in self._sums[:2])
-        rows = self.device.read(self._differences, np.float32, self.pixels * 4 * ROWS)
+        return FilmData(self._sums_so_far(), self._rows(self._differences, ROWS), self.health())
+
+    def health(self) -> dict[str, int]:
+        """Samples left out, by cause."""
         counts = self.device.read(self._health, np.uint32, len(HEALTH))
-        health = dict(zip(HEALTH, (int(n) for n in counts), strict=True))
-        return FilmData(hi, lo, rows.reshape(*shape[:2], ROWS, 4), health)
+        return dict(zip(HEALTH, (int(n) for n in counts), strict=True))
+
+    def take_block(self) -> Sums:
+        """The sums since this was last called; the film goes on from none."""
+        sums = self._sums_so_far()
+        for buffer in self._sums[:4]:
+            self.device.fill(buffer, 0)
+        return sums
+
+    def differences(self) -> tuple[np.ndarray, np.ndarray]:
+        """The rows of squared half differences, (h, w, 3, 4), and the half sums, (h, w, 4), that the next build on."""
+        return self._rows(self._differences, ROWS), self._rows(self._sums[4], 1)[..., 0, :]
+
+    def _sums_so_far(self) -> Sums:
+        hi, lo, block_hi, block_lo = (self._rows(buffer, 1)[..., 0, :] for buffer in self._sums[:4])
+        return Sums.of_buffers(hi, lo).plus(Sums.of_buffers(block_hi, block_lo))
+
+    def _rows(self, buffer: Buffer, count: int) -> np.ndarray:
+        rows = self.device.read(buffer, np.float32, self.pixels * 4 * count)
+        return rows.reshape(self.size[1], self.size[0], count, 4)
 
 
 def _stopped_or_past(end: float, stopped: Callable[[], bool]) -> Callable[[], bool]:

@@ -17,12 +17,13 @@ import numpy as np
 from raytide.accel import Forest, compact_source, tree_sources
 from raytide.device import Device, DeviceInfo, Program, open_device
 from raytide.errors import UsageError
-from raytide.kernels.constants import TILE
+from raytide.kernels.constants import FILM_BLOCK, TILE
 from raytide.kernels.features import Features
 from raytide.kernels.source import Source, assemble
 from raytide.render import checkpoint_file, layers, schedule
 from raytide.render.checkpoint import Checkpoints, capture, restore
 from raytide.render.film import Film
+from raytide.render.film_sums import Sums
 from raytide.render.frame import PIXEL_BYTES, Frame
 from raytide.render.instances import mesh_records
 from raytide.render.light_paths import SPLAT_BYTES, LightPaths
@@ -31,6 +32,7 @@ from raytide.render.loop import Loop, Shelf
 from raytide.render.pack import PackedScene, features_of, pack
 from raytide.render.provenance import provenance_of, report_of
 from raytide.render.settings import settings_record, with_settings
+from raytide.render.shard import write_shard
 from raytide.render.trees import Trees
 from raytide.render.trial import Trial
 from raytide.render.waves import RayCounts, SceneBuffers, Waves
@@ -238,6 +240,25 @@ class Renderer:
 
         self.checkpoints = checkpoints
         return self._loop.run(*self.opened(), now, limits, watch, keep)
+
+    def blocks(self, first: int, end: int) -> Iterator[tuple[int, Sums]]:
+        """Renders samples `first` to `end` - 1 and no others, for shard.py: gives the number of samples behind, and the
+        sums, of every block that the film adds up by itself. `stop` ends it after the last whole one."""
+        frame, waves = self.opened()
+        self._shelf.settle()
+        frame.restart(first)
+        waves.rays = RayCounts()
+        stopped = self._stop.is_set()
+        self._begin()
+        if stopped:  # by a signal that came before the first wave
+            self._stop.set()
+        for _ in self._loop.run(frame, waves, lambda: self.film, Limits(end), False):
+            if frame.is_between_passes and (frame.spp % FILM_BLOCK == 0 or frame.spp == end):
+                yield frame.spp, frame.take_block()
+
+    def shard(self, path: str | os.PathLike[str], first: int, end: int, **options: Any) -> int:
+        """Samples `first` to `end` - 1 of every pixel into a file that `raytide.merge` takes: see shard.write_shard."""
+        return write_shard(self, path, first, end, **options)
 
     def resume(self, path: str | os.PathLike[str]) -> dict[str, Any]:
         """Goes back to where the render in the checkpoint `path` was, to go on from there; gives the notes that were

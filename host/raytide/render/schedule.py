@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from raytide.errors import UsageError
-from raytide.kernels.constants import EDGE_BINS, PARTITION_CHUNK, TILE, TILE_SIDE
+from raytide.kernels.constants import EDGE_BINS, FILM_BLOCK, PARTITION_CHUNK, TILE, TILE_SIDE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 
-LARGEST_PASS = 64  # samples a pixel between two looks at the film
+LARGEST_PASS = FILM_BLOCK  # samples a pixel between two looks at the film: a pass never ends inside a later block
 _RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
 # rays, hits, throughput, path, shadow light, three queues, status, and a share of the compaction's counts
 SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)

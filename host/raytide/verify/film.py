@@ -18,8 +18,10 @@ from raytide.kernels.constants import TILE, TILE_SIDE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
-from raytide.scene import Camera, Scene, sky
-from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined, unbuilt
+from raytide.render.frame import SUMS
+from raytide.render.shard import merge
+from raytide.scene import Camera, Diffuse, Scene, sky, sphere
+from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
 from raytide.verify.lab import Lab, f4
 
 CHUNK = 4096  # samples of a launch
@@ -39,7 +41,7 @@ class Film:
         settings["tiles_x"] = 1
         self.settings = device.upload(settings)
         self.rows = {name: device.upload(np.zeros((size * TILE, 4), np.float32))
-                     for name, size in (("sum_hi", 1), ("sum_lo", 1), ("half_sum", 1), ("differences", 3))}  # fmt: skip
+                     for name, size in (*((name, 1) for name in SUMS), ("differences", 3))}  # fmt: skip
         self.health = device.upload(np.zeros(64, np.uint32))
         self.taken = 0
 
@@ -61,7 +63,7 @@ class Film:
 
     def sums(self) -> np.ndarray:
         """Sums (pixels, 3) in float64."""
-        return self.read("sum_hi")[:, 0, :3].astype(np.float64) + self.read("sum_lo")[:, 0, :3]
+        return sum(self.read(name)[:, 0, :3].astype(np.float64) for name in SUMS[:4])  # type: ignore[return-value]
 
 
 @case("F1", "film", "a quarter of a million exponential samples of mean 0.18 a pixel (full: 4 million)",
@@ -203,8 +205,26 @@ def fireflies(lab: Lab) -> Iterator[Trial]:
     yield Trial("", {"bright": np.full(TILE, 1e8, np.float32)}, judge)
 
 
-MERGED = unbuilt("F8", "film", "four pictures of 256 samples put together against one of 1024", "within 1 ulp a merge",
-        "merging of pictures")  # fmt: skip
+@case("F8", "film", "four shards of 256 samples put together against one render of 1024", "the same bits",
+      "within 1 ulp a merge, where means are added")  # fmt: skip
+def merged_shards(lab: Lab) -> Iterator[Trial]:
+    def judge(inputs: Inputs) -> Judged:
+        scene = Scene(camera=Camera(origin=(0, 0, 4), target=(0, 0, 0), size=(TILE_SIDE, TILE_SIDE)))
+        scene.add(sphere((0, 0, 0), 1.0), Diffuse(reflectance=(0.5, 0.5, 0.5)), name="ball")
+        scene.add(sky(1.0), name="sky")
+        whole = lab.render(scene, spp=1024)
+        with tempfile.TemporaryDirectory() as folder, lab.renderer(scene, spp=1024) as renderer:
+            paths = [Path(folder) / f"{first}.shard" for first in (768, 0, 512, 256)]
+            for path in paths:
+                renderer.shard(path, int(path.stem), int(path.stem) + 256)
+            film = merge(paths)
+        names = ("hi", "lo")
+        same = [getattr(film.data.sums, name) == getattr(whole.data.sums, name) for name in names]
+        wrong = ~np.logical_and(*same).all(-1).reshape(-1)
+        held = {"the same error": film.error is not None and film.error.relmse == getattr(whole.error, "relmse", None)}
+        return Judged(forbidden(wrong[inputs["pixel"]]), {}, held)
+
+    yield Trial("", {"pixel": np.arange(TILE)}, judge)
 
 
 @case("F9", "film", "pictures of one pixel, of one row, beside the tiles' border, by every filter",
