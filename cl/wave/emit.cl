@@ -34,7 +34,7 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
     ray.direction = (float4)(0.0f, 0.0f, 1.0f, MISS_AT_ONCE);
     float4 state = (float4)(0.0f);
 #if HAS_LIGHTS && HAS_PHOTON
-    if (column < settings->width && row < settings->height) {
+    if (settings->light_count != 0u && column < settings->width && row < settings->height) {
         const Sampler sampler = sampler_for(settings, pixel, sample);
         const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
         const LightPlace anywhere = light_place(xyz(*around), 0u);

@@ -89,7 +89,7 @@ def frosted() -> rt.Scene:
 
 def pictures(device: Device, scene: rt.Scene, seeds: int = SEEDS, **settings: object) -> np.ndarray:
     """(seeds, h, w, 3) float64."""
-    with rt.Renderer(scene, device, **settings) as renderer:
+    with rt.Renderer(scene, device, traversal="single", **settings) as renderer:
         out = []
         for seed in range(seeds):
             renderer.restart(seed=seed)
@@ -153,7 +153,7 @@ def test_a_mirror_lights_the_floor_as_a_second_bulb_which_paths_never_find(devic
 
 def test_a_render_knows_its_error(device: Device) -> None:
     truth = lit_floor(BULB, 2.0) + lit_floor(IN_MIRROR, 2.0)
-    with rt.Renderer(mirrored(), device, integrator="photon", spp=64) as renderer:
+    with rt.Renderer(mirrored(), device, integrator="photon", spp=64, traversal="single") as renderer:
         ratios = []
         for seed in range(4):
             renderer.restart(seed=seed)
