@@ -37,7 +37,9 @@ static LightSample spot_sample(global const Light *l, const Geometry g, const fl
 // Uniform in the cone.
 static LightEmission spot_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
 {
-    const float height = 1.0f - l->extra.x;  // of the cap of directions
+    float half_sine, half_cosine;
+    sin_cos(0.5f * l->extra.z, &half_sine, &half_cosine);
+    const float height = 2.0f * half_sine * half_sine;  // of the cap of directions
     const float down = u.z * height;
     const float ring = sqrt_of(max_of(down * (2.0f - down), 0.0f));
     float s, c;

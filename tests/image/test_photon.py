@@ -87,6 +87,19 @@ def frosted() -> rt.Scene:
     return scene
 
 
+def cast() -> rt.Scene:
+    """Lights that cast pictures, and a sun as wide as a hand, over a bare floor seen without perspective."""
+    camera = rt.Orthographic(origin=(0, 3, 0), target=(0, 0, 0), up=(0, 0, -1), height=2, size=SIZE)
+    scene = rt.Scene(camera=camera, render={"max_depth": 3, "spp": 256})
+    scene.add(rt.rect((0, 0, 0), u=(0, 0, 2), v=(2, 0, 0)), rt.Diffuse(0.5), name="floor")
+    scene.add(rt.rect((0.3, 0.3, 0.2), u=(0, 0, 0.3), v=(0.3, 0, 0)), rt.Diffuse(0.8), name="roof")
+    scene.add(rt.checkerboard((0.9, 0.5, 0.2), (0.1, 0.3, 0.4), scale=(2.5, 1.5)), name="tiles")
+    scene.add(rt.spot((-0.5, 1.2, 0.3), (0, 0, 0), (6, 7, 8), 30.0, 22.0, texture="tiles", up=(1, 0, 0.2)), name="spot")
+    scene.add(rt.projector((0.6, 1.1, 0.1), (0.2, 0, 0), "tiles", (3, 2, 3), fov=35.0, aspect=1.4), name="projector")
+    scene.add(rt.directional((0.3, -1, 0.2), 0.7, angle=20), name="sun")
+    return scene
+
+
 def pictures(device: Device, scene: rt.Scene, seeds: int = SEEDS, **settings: object) -> np.ndarray:
     """(seeds, h, w, 3) float64."""
     with rt.Renderer(scene, device, traversal="single", **settings) as renderer:
@@ -106,7 +119,7 @@ def tiles(images: np.ndarray) -> np.ndarray:
     return np.concatenate([parts, images.mean(axis=(1, 2))[:, None]], axis=1)
 
 
-@pytest.mark.parametrize("scene", [lamps, afar, in_glass, frosted])
+@pytest.mark.parametrize("scene", [lamps, afar, in_glass, frosted, cast])
 def test_light_traced_either_way_gives_one_picture(device: Device, scene: object) -> None:
     made = [tiles(pictures(device, scene(), integrator=name)) for name in ("path", "photon")]  # type: ignore[operator]
     variance = sum(one.var(axis=0, ddof=1) / SEEDS for one in made)

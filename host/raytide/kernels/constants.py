@@ -19,6 +19,9 @@ SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing w
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 SPLAT_WORDS = 9  # of a pixel: three sums of three words
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
+# What `shade` computes and looks at: unsound values are counted by origin, cause and path edge (wave/fault.cl).
+FAULTS = ("camera", "sky", "emission", "direct", "onward")
+FAULT_COUNTERS = len(FAULTS) * len(HEALTH) * EDGE_BINS
 
 SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY = 4, 5, 6  # widths of slots that are no parameter: maps of relief, opacity
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
@@ -53,6 +56,8 @@ _UNSIGNED = {
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
     **{f"PROBE_{name.upper()}": place for place, name in enumerate(PROBES)},
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
+    "HEALTH_CAUSES": len(HEALTH),
+    **{f"FAULT_{origin.upper()}": place for place, origin in enumerate(FAULTS)},
 }
 
 

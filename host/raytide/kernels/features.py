@@ -10,7 +10,7 @@ from functools import cache
 
 from raytide.kernels.paths import kernel_dir
 
-SKIES = ("environment", "environment_map")  # lights that rays without a hit see
+SKIES = ("environment", "environment_map", "sun")  # lights that rays without a hit see
 Parameters = tuple[tuple[str, int], ...]
 
 

@@ -84,9 +84,14 @@ def unit_exponent(flat: FlatScene, packed: PackedScene, around: Around) -> int:
     table, radius = packed.lights, around.radius
     brightness = table["radiance"][:, :3].astype(float) @ _LUMINANCE
     disk = math.pi * radius**2
+    cone = 2 * math.pi * (1 - np.cos(table["extra"][:, 2].astype(float)))
+    up = np.column_stack([table["extra"][:, :2], table["direction"][:, 3]]).astype(float)
     factors = {
         "point": np.full(len(table), 4 * math.pi),
-        "spot": 2 * math.pi * (1 - table["extra"][:, 0].astype(float)),
+        "spot": cone,
+        "textured_spot": cone,
+        "projector": 4 * table["extra"][:, 3] / np.maximum(np.sum(up**2, axis=1), 1e-30),
+        "sun": disk / np.maximum(table["extra"][:, 1], 1e-30),
         "directional": np.full(len(table), disk),
         "environment": np.full(len(table), math.pi * disk),
         "environment_map": np.full(len(table), math.pi * disk * _sky_mean(flat)),

@@ -13,7 +13,7 @@ import numpy as np
 
 from raytide.accel import Forest
 from raytide.device import Buffer, Device, Program
-from raytide.errors import UsageError
+from raytide.errors import DeviceError, UsageError
 from raytide.kernels.constants import (
     COUNTER_EDGES,
     COUNTERS,
@@ -145,10 +145,12 @@ class Waves:
         plan: WavePlan,
         trial: Trial,
         pixels_of: Callable[[int, int], int],
+        faults: Buffer,
     ) -> None:
-        """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles."""
+        """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles; `faults` are the
+        picture's counters of unsound values."""
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
-        self.pixels_of, self.trial = pixels_of, trial
+        self.pixels_of, self.trial, self.faults = pixels_of, trial, faults
         self.rays = RayCounts()
         self.observe: Observer | None = None
         self.traced_by: dict[str, str] = {}  # launch label -> variant that traced the last one
@@ -165,6 +167,7 @@ class Waves:
         self._counters = device.empty(COUNTERS * 4)
         self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
         self.samples = device.empty(plan.samples * 16)
+        self.most_queued = 0  # slots in use at a time
 
     def run(
         self, chunk: tuple[int, int, int, int], stopped: Callable[[], bool], groups: Groups | None = None
@@ -207,7 +210,9 @@ class Waves:
             if alive:
                 self.rays.add("reflection", edges)
                 self.extend(0, alive, _label("reflection", edges))
-            alive, edges = scatter(alive + fresh)
+            count = alive + fresh
+            self.most_queued = max(self.most_queued, count)
+            alive, edges = scatter(count)
         return True
 
     def _reset_queue(self) -> None:
@@ -251,7 +256,7 @@ class Waves:
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             self.queues[0], np.uint32(count),
             self.path_rays, self.hits, self.throughput, self.paths, self.status,
-            self.shadow_rays, self.shadow_light, self.samples, *self.scatterings,
+            self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings,
             label="shade",
         )  # fmt: skip
         alive, shadow, onward, shadows = self.partition(count)
@@ -273,10 +278,13 @@ class Waves:
             label="partition",
         )  # fmt: skip
         counters = self.device.read(self._counters, np.uint32, COUNTERS).astype(np.int64)
+        alive, shadow = int(counters[0]), int(counters[1])
+        if max(alive, shadow) > count:
+            raise DeviceError(f"queues overflow: {alive} paths and {shadow} shadow rays came of {count} paths")
         onward, shadows = counters[COUNTER_EDGES:].reshape(2, EDGE_BINS)
         self.rays.add("shadow", shadows)
         self.queues.reverse()
-        return int(counters[0]), int(counters[1]), onward, shadows
+        return alive, shadow, onward, shadows
 
     def cast(self, count: int, by_edges: np.ndarray, kind: str, results: Buffer) -> None:
         """Traces queued shadow rays, of `kind` of RAY_KINDS, and adds the light of those that meet nothing."""
