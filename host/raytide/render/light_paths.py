@@ -142,7 +142,10 @@ class LightPaths:
         def begin(place: int, first: int, count: int) -> None:
             self._emit(place, first, count, first_tile, first_sample, samples)
 
-        self.waves.walk(tiles * TILE * samples, begin, lambda count: self._connect(count, health), lambda: False)
+        def scatter(count: int, label: str) -> tuple[int, np.ndarray]:
+            return self._connect(count, label, health)
+
+        self.waves.walk(tiles * TILE * samples, begin, scatter, lambda: False)
         self.waves.rays.emitted += emitted
 
     def _emit(self, *numbers: int) -> None:
@@ -158,8 +161,9 @@ class LightPaths:
         )  # fmt: skip
         waves.extend(place, count, "emitted", "shadow")
 
-    def _connect(self, count: int, health: Buffer) -> tuple[int, np.ndarray]:
-        """Deals with what `count` queued paths met; gives those that go on, and by edges."""
+    def _connect(self, count: int, label: str, health: Buffer) -> tuple[int, np.ndarray]:
+        """Deals with what `count` queued paths met, `label` being that of their shadow rays; gives those that go on, and
+        by edges."""
         waves, scene = self.waves, self.waves.scene
         self.device.launch(
             waves.programs["connect"], "connect", count, 64,
@@ -169,12 +173,13 @@ class LightPaths:
             waves.shadow_rays, waves.shadow_light, waves.samples, self._targets, *waves.scatterings,
             label="connect",
         )  # fmt: skip
-        alive, shadow, onward, shadows = waves.partition(count)
-        if shadow:
-            waves.cast(shadow, shadows, "camera", waves.samples)
-            self.device.launch(
-                waves.programs["splat"], "splat", shadow, 64,
-                waves.shadow_queue, np.uint32(shadow), waves.samples, self._targets, self.splats, health,
-                label="splat",
-            )  # fmt: skip
-        return alive, onward
+
+        def splat(shadow: int) -> None:
+            if shadow:
+                self.device.launch(
+                    waves.programs["splat"], "splat", shadow, 64,
+                    waves.shadow_queue, np.uint32(shadow), waves.samples, self._targets, self.splats, health,
+                    label="splat",
+                )  # fmt: skip
+
+        return waves.follow(count, label, "camera", waves.samples, splat)

@@ -15,7 +15,7 @@ from raytide.accel import Forest
 from raytide.device import Buffer, Device, Program
 from raytide.errors import DeviceError, UsageError
 from raytide.kernels.constants import (
-    COUNTER_EDGES,
+    COUNTER_SHADOW,
     COUNTERS,
     EDGE_BINS,
     HIDDEN,
@@ -50,11 +50,12 @@ class RayCounts:
     )
     emitted: int = 0
 
-    def add(self, wave: str, by_edges: np.ndarray) -> None:
-        """Count the rays of one launch of "reflection" or "shadow"."""
+    def add(self, label: str, by_edges: np.ndarray) -> None:
+        """Count the rays of one launch of "reflection[...]" or "shadow[...]"."""
+        wave, _, edges = label.partition("[")
         counts = self.reflection if wave == "reflection" else self.shadow
         counts += by_edges
-        if np.count_nonzero(by_edges) > 1:
+        if edges == "mixed]":
             self.mixed[wave] += by_edges
 
     @property
@@ -191,10 +192,11 @@ class Waves:
 
     def walk(
         self, items: int, begin: Callable[[int, int, int], None],
-        scatter: Callable[[int], tuple[int, np.ndarray]], stopped: Callable[[], bool],
+        scatter: Callable[[int, str], tuple[int, np.ndarray]], stopped: Callable[[], bool],
     ) -> bool:  # fmt: skip
         """Traces `items` paths to their ends. `begin(place in the queue, first item, items)` fills slots and traces
-        them; `scatter(paths)` deals with what all queued ones met and gives those that go on, and by edges."""
+        them; `scatter(paths, label of their shadow rays)` deals with what all queued ones met and gives those that go
+        on, and by edges."""
         self._reset_queue()
         begun = alive = 0
         edges = np.zeros(EDGE_BINS, np.int64)
@@ -208,11 +210,12 @@ class Waves:
                 begin(alive, begun, fresh)
                 begun += fresh
             if alive:
-                self.rays.add("reflection", edges)
-                self.extend(0, alive, _label("reflection", edges))
+                label = _label("reflection", edges)
+                self.rays.add(label, edges)
+                self.extend(0, alive, label)
             count = alive + fresh
             self.most_queued = max(self.most_queued, count)
-            alive, edges = scatter(count)
+            alive, edges = scatter(count, _label("shadow", self._next_edges(edges, fresh)))
         return True
 
     def _reset_queue(self) -> None:
@@ -248,8 +251,9 @@ class Waves:
 
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 
-    def _shade(self, count: int) -> tuple[int, np.ndarray]:
-        """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""
+    def _shade(self, count: int, label: str) -> tuple[int, np.ndarray]:
+        """Shades `count` queued paths and traces their shadow rays, in a launch called `label`; gives the paths that go
+        on, and by edges."""
         scene = self.scene
         self.device.launch(
             self.programs["shade"], "shade", count, 64,
@@ -259,40 +263,58 @@ class Waves:
             self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings,
             label="shade",
         )  # fmt: skip
-        alive, shadow, onward, shadows = self.partition(count)
-        if shadow:
-            self.cast(shadow, shadows, "shadow", self.samples)
+        return self.follow(count, label, "shadow", self.samples)
+
+    def follow(
+        self, count: int, label: str, kind: str, results: Buffer, then: Callable[[int], None] = lambda shadow: None
+    ) -> tuple[int, np.ndarray]:
+        """What `count` shaded paths asked for: queues those that go on, and adds the light of shadow rays that nothing
+        stops to `results`, in a launch called `label`; `kind`, of RAY_KINDS, is what these are for. `then` gets their
+        number. Gives the paths that go on, and by edges."""
+        self._partition(np.uint32(count))
+        counters = self.device.read_later(self._counters, np.uint32, COUNTERS)
+        if "shadow" in self.programs:
+            asked = self.observe or not self.trial.is_settled(kind_of(label))  # who looks or measures wants the number
+            self._shadow(label, kind, int(counters()[COUNTER_SHADOW]) if asked else count, results)
+        alive, shadow, *by_edges = counters().tolist()
+        if max(alive, shadow) > count:
+            raise DeviceError(f"queues overflow: {alive} paths and {shadow} shadow rays came of {count} paths")
+        then(shadow)
+        onward, shadows = np.array(by_edges, np.int64).reshape(2, EDGE_BINS)
+        self.rays.add(label, shadows)
+        self.queues.reverse()
         return alive, onward
 
-    def partition(self, count: int) -> tuple[int, int, np.ndarray, np.ndarray]:
-        """Queues what `count` paths left to do: those that go on, shadow rays, and both by edges."""
-        launch, programs, n = self.device.launch, self.programs, np.uint32(count)
+    def _partition(self, n: np.uint32) -> None:
+        """Puts the paths that go on and the free slots into the next queue, and shadow rays into theirs."""
+        launch, program, chunks = self.device.launch, self.programs["partition"], -(-int(n) // PARTITION_CHUNK)
         queue, following = self.queues
-        partition, chunks = programs["partition"], -(-count // PARTITION_CHUNK)
-        launch(partition, "partition_count", chunks, 64, n, self.status, self._chunk_counts, label="partition")
-        launch(partition, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
+        launch(program, "partition_count", chunks, 64, n, self.status, self._chunk_counts, label="partition")
+        launch(program, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
         launch(
-            partition, "partition_scatter", -(-self.plan.capacity // PARTITION_CHUNK), 64,
+            program, "partition_scatter", -(-self.plan.capacity // PARTITION_CHUNK), 64,
             n, np.uint32(self.plan.capacity), self.status, self._chunk_counts, self._counters,
             queue, following, self.shadow_queue,
             label="partition",
         )  # fmt: skip
-        counters = self.device.read(self._counters, np.uint32, COUNTERS).astype(np.int64)
-        alive, shadow = int(counters[0]), int(counters[1])
-        if max(alive, shadow) > count:
-            raise DeviceError(f"queues overflow: {alive} paths and {shadow} shadow rays came of {count} paths")
-        onward, shadows = counters[COUNTER_EDGES:].reshape(2, EDGE_BINS)
-        self.rays.add("shadow", shadows)
-        self.queues.reverse()
-        return alive, shadow, onward, shadows
 
-    def cast(self, count: int, by_edges: np.ndarray, kind: str, results: Buffer) -> None:
-        """Traces queued shadow rays, of `kind` of RAY_KINDS, and adds the light of those that meet nothing."""
-        label = _label("shadow", by_edges)
-        if self.observe:
-            self.observe(label, self.shadow_queue, 0, count, self.shadow_rays, self.paths)
-        self._trace("shadow", kind, label, count, *self.scene.masks, self.shadow_queue, np.uint32(count),
-                    self.shadow_rays, self.shadow_light, results)  # fmt: skip
+    def _shadow(self, label: str, kind: str, most: int, results: Buffer) -> None:
+        """Traces the shadow rays in their queue, `most` or fewer: the device knows how many, and the host need not wait
+        to hear it."""
+        if self.observe and most:
+            self.observe(label, self.shadow_queue, 0, most, self.shadow_rays, self.paths)
+        if most:
+            self._trace("shadow", kind, label, most, *self.scene.masks, self.shadow_queue, self._counters,
+                        self.shadow_rays, self.shadow_light, results)  # fmt: skip
+
+    def _next_edges(self, edges: np.ndarray, fresh: int) -> np.ndarray:
+        """By path edges, (EDGE_BINS,), what may leave the vertices that are shaded next, where only zero or not counts:
+        `edges` those of the rays that led there, and `fresh` camera rays. Passing a surface is no edge."""
+        after = edges.copy() if self.scene.opacity else np.zeros(EDGE_BINS, np.int64)
+        after[1:] += edges[:-1]
+        after[-1] += edges[-1]
+        after[1] += fresh
+        return after
 
 
 def _label(wave: str, by_edges: np.ndarray) -> str:
