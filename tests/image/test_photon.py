@@ -192,6 +192,17 @@ def test_all_power_of_a_spot_arrives(device: Device) -> None:
     assert np.pi / 0.5 * pictures(device, scene, 1)[0][..., 0].mean() * 16 == pytest.approx(power, rel=5e-3)
 
 
+def test_inside_a_closed_sphere_every_bounce_is_there(device: Device) -> None:
+    """Albedo 1/2 and an intensity of pi at the centre: 1/2 + 1/4 + ..., with roulette from the second edge on."""
+    scene = rt.Scene(camera=rt.Camera(origin=(0.2, 0, 0.3), target=(0.5, 0.1, 0.9), fov=60, size=(16, 16)))
+    scene.add(rt.sphere((0, 0, 0), 1.0), rt.Diffuse(0.5), name="ball")
+    scene.add(rt.point((0, 0, 0), intensity=np.pi), name="bulb")
+    settings = {"integrator": "photon", "spp": 256, "max_depth": 64, "roulette_start": 2}
+    means = pictures(device, scene, **settings).mean(axis=(1, 2, 3))
+    error = means.std(ddof=1) / np.sqrt(SEEDS)
+    assert abs(means.mean() - 1) < 5 * error and error < 0.01
+
+
 def test_neither_waves_nor_interruptions_change_a_bit(device: Device, tmp_path: Path) -> None:
     scene = lamps()
     whole = pictures(device, scene, 1, integrator="photon", spp=24)[0]
