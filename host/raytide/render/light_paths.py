@@ -162,8 +162,8 @@ class LightPaths:
         waves.extend(place, count, "emitted", "shadow")
 
     def _connect(self, count: int, label: str, health: Buffer) -> tuple[int, np.ndarray]:
-        """Deals with what `count` queued paths met; `label` is that of their shadow rays. Gives those that go on, and by
-        edges."""
+        """Deals with what `count` queued paths met; `label` is that of their shadow rays. Gives those that go on, and
+        by edges."""
         waves, scene = self.waves, self.waves.scene
         self.device.launch(
             waves.programs["connect"], "connect", count, 64,
