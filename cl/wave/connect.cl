@@ -46,7 +46,7 @@ static ShadowRay sample_camera(global const Camera *camera, global const Setting
     if (*pixel == NONE || !(same_side > 0.0f)) {
         return out;
     }
-    const BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
+    const BsdfValue bsdf = material_value(material_of(v) TABLES(v->tables), v->wo, wi_local);
     out.light = xyz(v->state) * bsdf.value * (lens.measure * adjoint(v, wi_local, wi));
 #if HAS_ABSORPTION
     out.light = out.light * absorbed(materials, medium_ahead(v, wi_local.z), length3(lens.to));
@@ -63,7 +63,7 @@ static NextRay sample_further(global const Settings *settings, const PathVertex 
 {
     NextRay out;
     out.valid = 0;
-    const BsdfSample bsdf = material_sample(material_of(v), v->wo, u);
+    const BsdfSample bsdf = material_sample(material_of(v) TABLES(v->tables), v->wo, u);
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
     const int passes = (bsdf.flags & BSDF_TRANSMIT) ? side < 0.0f : side > 0.0f;
