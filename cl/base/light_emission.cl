@@ -1,6 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
-#include "accel/geometry.cl"
 #include "base/frame.cl"
+#include "base/portable.cl"
 #include "base/vector.cl"
 #include "base/warp.cl"
 // Light that leaves a light, as integrator photon sends it out. Every light kind then has NAME_emit.
