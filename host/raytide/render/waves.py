@@ -255,8 +255,9 @@ class Waves:
         """Shades `count` queued paths and traces their shadow rays, in a launch called `label`; gives the paths that go
         on, and by edges."""
         scene = self.scene
+        items, local = trace_launch(count, alone=self.device.kind == "gpu")
         self.device.launch(
-            self.programs["shade"], "shade", count, 64,
+            self.programs["shade"], "shade", items, local,
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             self.queues[0], np.uint32(count),
             self.path_rays, self.hits, self.throughput, self.paths, self.status,
