@@ -192,8 +192,11 @@ static float3 environment_seen(const Lights lights, const LightPlace from, globa
         return (float3)(0.0f);
     }
     global const Light *sky = lights.table + settings->environment;
-    Surface none;
     const float3 wi = renormalize3(xyz(ray.direction));
+#if HAS_CHANCE_SKY
+    return xyz(state) * light_seen(sky, g, wi);
+#else
+    Surface none;
     none.p = wi;
     none.ng = -wi;
     none.n = -wi;
@@ -203,6 +206,7 @@ static float3 environment_seen(const Lights lights, const LightPlace from, globa
     none.prim = NONE;
     const float pdf = pick_probability(lights, settings->environment, from) * light_pdf(sky, g, from.p, none, wi);
     return xyz(state) * light_seen(sky, g, wi) * chance_weight(settings, path_edges, state.w, pdf);
+#endif
 }
 #endif
 
