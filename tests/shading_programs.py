@@ -144,7 +144,7 @@ def every_feature(**changes: Any) -> Features:
     return Features(
         **{
             "materials": PARAMETERS,
-            "lights": ("directional", "emitter", "environment", "point", "spot"),
+            "lights": ("directional", "emitter", "environment", "point", "spot", "sun"),
             "shapes": ("box", "disk", "plane", "rectangle", "sphere"),
             "tree": False,
             **dict.fromkeys(SWITCHES, True),

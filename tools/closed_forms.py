@@ -70,6 +70,46 @@ def of_spot(point: np.ndarray, light: dict[str, Any]) -> np.ndarray:
     return of_point(point, light) * share
 
 
+def of_projector(point: np.ndarray, light: dict[str, Any]) -> np.ndarray:
+    """The cast fields (white and black by turns, two by two a picture), as on a wall across the axis 1 m away."""
+    axis, way = np.subtract(light["target"], light["position"]), point - np.array(light["position"], float)
+    axis = axis / np.linalg.norm(axis)
+    right = np.cross(axis, light["up"]) / np.linalg.norm(np.cross(axis, light["up"]))
+    ahead, half = way @ axis, np.tan(np.radians(light["fov"] / 2))
+    across, up = way @ right / ahead / half / light["aspect"], way @ np.cross(right, axis) / ahead / half
+    inside = (np.abs(across) <= 1) & (np.abs(up) <= 1)
+    field = np.where(((across < 0) == (up < 0))[:, None], light["fields"][0], light["fields"][1])
+    on_ground = -way[:, 1] / np.linalg.norm(way, axis=1)  # cosine
+    falls = np.linalg.norm(way, axis=1) / ahead**3
+    return field * (inside * falls * on_ground)[:, None]
+
+
+def of_daylight(light: dict[str, Any]) -> np.ndarray:
+    """Irradiance of the ground by sun and sky: Hosek and Wilkie 2012, 2013, summed over the sky."""
+    with np.load(SCENES.parent / "host" / "raytide" / "scene" / "hosek_wilkie.npz") as tables:
+        shape, zenith, disk = tables["shape"], tables["radiance"], tables["sun"]
+    height, (part, low), ground = np.radians(light["elevation"]), np.modf(light["turbidity"]), light.get("albedo", 0.3)
+    x, low = np.cbrt(height / (np.pi / 2)), int(low)
+
+    def mixed(table: np.ndarray) -> np.ndarray:
+        found = [(1 - ground) * dark + ground * bright for dark, bright in table[low - 1:low + 1]]
+        found = (1 - part) * found[0] + part * found[1]
+        while len(found) > 1:  # de Casteljau
+            found = (1 - x) * found[:-1] + x * found[1:]
+        return found[0]
+
+    a, b, c, d, e, f, g, h, i = mixed(shape)
+    up, around = (np.arange(400)[:, None] + 0.5) / 400, (np.arange(800) + 0.5) / 400 * np.pi
+    cosine = (np.sqrt(1 - up**2) * np.cos(height) * np.cos(around) + up * np.sin(height))[..., None]
+    halo = (1 + cosine**2) / (1 + i * i - 2 * i * cosine)**1.5
+    up = up[..., None]
+    sky = (1 + a * np.exp(b / (up + 0.01))) * (
+        c + d * np.exp(e * np.arccos(cosine)) + f * cosine**2 + g * halo + h * np.sqrt(up)) * mixed(zenith)
+    powers = (height - np.pi / 2 * (int(x * 45) / 45)**3)**np.arange(4)
+    sun = powers @ ((1 - part) * disk[low - 1] + part * disk[low])[int(x * 45)]
+    return (sky * up).mean(axis=(0, 1)) * 2 * np.pi + sun * np.pi * np.sin(np.radians(0.5358 / 2))**2 * np.sin(height)
+
+
 def of_rectangle(point: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Form factor to a rectangle facing the ground; low and high are its corners at one height."""
     def corner(x: float, z: float) -> np.ndarray:
@@ -181,6 +221,14 @@ def light_checks() -> dict[str, list[Check]]:
     cosine = -sun["direction"][1] / np.linalg.norm(sun["direction"])
     rho = colour(scene["materials"]["grey"]["reflectance"])
     out["directional"] = [Check((0, 20, 65, 65), rho / np.pi * sun["irradiance"] * cosine, "rho / pi E cos", EXACT)]
+    scene = read("lights/projector")
+    light = scene["lights"]["lamp"] | {"fields": [scene["textures"]["fields"][f"color{i}"] for i in (0, 1)]}
+    scale = rho / np.pi * light["irradiance"]
+    out["projector"] = [Check((x, y, x + 1, y + 1),
+                              scale * of_projector(ground_points(scene["camera"], (x, y, x + 1, y + 1), 1), light)[0],
+                              "rho / pi E of the field that falls there", EXACT, 1e-6) for x, y in centres]
+    daylight = of_daylight(read("lights/sun_sky")["lights"]["day"])
+    out["sun_sky"] = [Check((0, 33, 64, 64), rho / np.pi * daylight, "rho / pi E of the model", NOISY / 2)]
     scene = read("lights/environment")
     sky = colour(scene["lights"]["sky"]["radiance"]) * scene["lights"]["sky"]["scale"]
     out["environment"] = [Check((0, 33, 64, 64), rho * sky, "rho L", NOISY / 4),

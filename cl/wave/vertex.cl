@@ -184,17 +184,39 @@ static float chance_weight(global const Settings *settings, const uint path_edge
     return shadows_alone(settings) ? 0.0f : power_heuristic(pdf, light_pdf);
 }
 
+#if HAS_SUN
+// Disks at infinity in direction wi; they come first among the lights.
+static float3 suns_seen(const Lights lights, const LightPlace from, global const Settings *settings, const float3 wi,
+                        const uint path_edges, const float4 state)
+{
+    float3 out = (float3)(0.0f);
+    for (uint i = 0u; i < settings->sun_count; i++) {
+        global const Light *sun = lights.table + i;
+        if (sun_holds(sun, wi)) {
+            const float pdf = pick_probability(lights, i, from) * sun->extra.y;
+            out += xyz(state) * xyz(sun->radiance) * chance_weight(settings, path_edges, state.w, pdf);
+        }
+    }
+    return out;
+}
+#endif
+
 #if HAS_SKY
 static float3 environment_seen(const Lights lights, const LightPlace from, global const Settings *settings,
                                const Geometry g, const Ray ray, const uint path_edges, const float4 state)
 {
+    const float3 wi = renormalize3(xyz(ray.direction));
+#if HAS_SUN
+    const float3 suns = suns_seen(lights, from, settings, wi, path_edges, state);
+#else
+    const float3 suns = (float3)(0.0f);
+#endif
     if (settings->environment == NONE) {
-        return (float3)(0.0f);
+        return suns;
     }
     global const Light *sky = lights.table + settings->environment;
-    const float3 wi = renormalize3(xyz(ray.direction));
 #if HAS_CHANCE_SKY
-    return xyz(state) * light_seen(sky, g, wi);
+    return suns + xyz(state) * light_seen(sky, g, wi);
 #else
     Surface none;
     none.p = wi;
@@ -205,7 +227,7 @@ static float3 environment_seen(const Lights lights, const LightPlace from, globa
     none.object = NONE;
     none.prim = NONE;
     const float pdf = pick_probability(lights, settings->environment, from) * light_pdf(sky, g, from.p, none, wi);
-    return xyz(state) * light_seen(sky, g, wi) * chance_weight(settings, path_edges, state.w, pdf);
+    return suns + xyz(state) * light_seen(sky, g, wi) * chance_weight(settings, path_edges, state.w, pdf);
 #endif
 }
 #endif
@@ -230,6 +252,16 @@ static float3 emission_seen(const Lights lights, const LightPlace from, global c
 #else
     return (float3)(0.0f);
 #endif
+}
+
+// What stands for a direction that is no number: a ray without a way, which carries NaN, so that it is counted and its
+// sample left out (wave/fault.cl). Simply ending the path would be black.
+static Ray no_way(void)
+{
+    Ray out;
+    out.origin = (float4)(0.0f);
+    out.direction = (float4)(float_of(0x7fc00000u));
+    return out;
 }
 
 // Where the vertex asks for light: the side that it must come from, too, unless light passes the surface. Kept for the
@@ -263,6 +295,9 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
     const float pdf = light.pdf * pick_pdf;
     const float same_side = dot3(wi, v->normal) * (v->wo.z < 0.0f ? -wi_local.z : wi_local.z);
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
+        out.valid = pdf != pdf || (pdf > 0.0f && same_side != same_side);
+        out.ray = no_way();
+        out.light = (float3)(out.ray.direction.x);
         return out;
     }
     BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
@@ -289,11 +324,16 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     NextRay out;
     out.valid = 0;
     const BsdfSample bsdf = material_sample(material_of(v), v->wo, u);
-    if (!(bsdf.pdf > 0.0f)) {
-        return out;
-    }
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
+    if (!(bsdf.pdf > 0.0f) || side != side) {
+        out.valid = bsdf.pdf != bsdf.pdf || (bsdf.pdf > 0.0f && side != side);
+        out.ray = no_way();
+        out.state = out.ray.direction;
+        out.medium = 0u;
+        out.delta = 0;
+        return out;
+    }
     const int passes = (bsdf.flags & BSDF_TRANSMIT) ? side < 0.0f : side > 0.0f;
     out.medium = medium_ahead(v, bsdf.wi.z);
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;

@@ -19,7 +19,7 @@ _HOMES = {
         "Blend Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane "
         "Plastic Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere "
         "ThinDielectric ThinFilm ThinLens bitmap box checkerboard directional disk instance load mesh "
-        "mesh_attribute plane point rect sky sphere spot"
+        "mesh_attribute plane point projector rect sky sphere spot sun_sky"
     ),
     "raytide.device": "list_devices pick",
     "raytide.render": "Checkpoints Film Renderer merge",

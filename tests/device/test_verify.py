@@ -14,8 +14,6 @@ from raytide.verify.lab import Lab
 
 # What falls short, and why. A case that comes to hold must leave this list.
 SHORT: dict[str, str] = {}
-# They build all programs anew, for other filters or other arithmetic: `raytide verify` tries them.
-SLOW = ("D3", "F9", "L7")
 WAITING = ("M12", "M13")  # for features
 _LABS: dict[int, Lab] = {}
 
@@ -25,7 +23,7 @@ def lab_of(device: Device) -> Lab:
     return _LABS.setdefault(id(device), Lab(device))
 
 
-@pytest.mark.parametrize("id", sorted(set(CASES) - set(SLOW), key=place_of))
+@pytest.mark.parametrize("id", sorted(CASES, key=place_of))
 def test_case_holds(device: Device, id: str) -> None:
     found = judge_case(CASES[id], lab_of(device))
     if id in SHORT:

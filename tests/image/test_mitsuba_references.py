@@ -13,8 +13,8 @@ DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 FOLDERS = {"mitsuba/tests/scenes": 32000, "references-mitsuba391": 1024}  # samples a pixel of the pictures there
 SAMPLES = 2e5  # in all over a picture, a tenth of what Mitsuba's own test takes
-# twelve materials under a sky, maps of normals under three lights, a Cornell box: little noise
-SCENES = ("test_constant", "test_normalmap", "cbox")
+# twelve materials under a sky, maps of normals under three lights, a cast picture, a Cornell box: little noise
+SCENES = ("test_constant", "test_normalmap", "test_spot", "cbox")
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the development data is not beside the checkout")

@@ -207,3 +207,33 @@ def test_kinds_and_schema_know_textures() -> None:
     assert {"type": "string"} in schema["$defs"]["Diffuse"]["properties"]["reflectance"]["anyOf"]
     assert "textures" in schema["properties"]
     assert {"type": "string"} not in schema["$defs"]["PointLight"]["properties"]["intensity"]["anyOf"]
+
+
+LAMP = """
+[lights.lamp]
+type = "spot"
+position = [0, 3, 0]
+target = [0, 0, 0]
+intensity = 1
+texture = "tiles"
+up = [1, 0, 0]
+"""
+
+
+def test_lights_cast_textures_by_name(folder: Path) -> None:
+    """They count as used where only a light names them, are saved and read again, and wrong ones are told."""
+    plain = SCENE.replace('roughness = "tiles"', "roughness = 0.1")
+    plain += '[textures.paint]\ntype = "mesh_attribute"\n'
+    (folder / "scene.toml").write_text(plain + LAMP)
+    scene = rt.load(folder / "scene.toml")
+    assert scene.warnings() == ["textures.paint: no material uses it"]
+    assert "textured_spot" in features_of(scene.flatten()).lights
+    assert rt.load(scene.save(folder / "again.toml")).sha256() == scene.sha256()
+    for old, new, words in (
+        ('"tiles"', '"tile"', "did you mean 'tiles'"),
+        ("[1, 0, 0]", "[0, -2, 0]", "an up along the axis"),
+        ('"tiles"', '"paint"', "which only meshes have"),
+    ):
+        (folder / "scene.toml").write_text(plain + LAMP.replace(old, new))
+        with pytest.raises(SceneError, match=words):
+            rt.load(folder / "scene.toml")

@@ -14,6 +14,7 @@ import pytest
 from raytide.cli.main import main
 from raytide.cli.verify import earlier
 from raytide.errors import DeviceError, UsageError
+from raytide.kernels.paths import kernel_dir
 from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, replay, run_cases
 from raytide.verify.case import Judged, bounded, case, forbidden
 from raytide.verify.variants import contracted, variant_named, worse
@@ -99,6 +100,12 @@ def test_worse_arithmetic_reaches_every_divisor_and_no_constant() -> None:
     assert "#pragma OPENCL FP_CONTRACT ON" in contracted("#pragma OPENCL FP_CONTRACT OFF\n")
     with pytest.raises(UsageError, match="flushed"):
         variant_named("nonsense")
+
+
+def test_worse_arithmetic_reaches_sines_exponentials_and_logarithms() -> None:
+    text = worse("".join((kernel_dir() / "base" / name).read_text() for name in ("math.cl", "special.cl")))
+    assert "*s = worse_sine(fma_of(x * z, p, x));" in text and "*c = worse_sine(" in text
+    assert text.count("const float result = worse_power(") == 2
 
 
 def test_a_file_that_is_no_verdict_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ from functools import cache
 
 from raytide.kernels.paths import kernel_dir
 
-SKIES = ("environment", "environment_map")  # lights that rays without a hit see
+SKIES = ("environment", "environment_map", "sun")  # lights that rays without a hit see
+WHOLE_SKIES = ("environment", "environment_map")  # those that fill all directions
 Parameters = tuple[tuple[str, int], ...]
 
 
@@ -74,7 +75,7 @@ class Features:
     @property
     def picked_lights(self) -> tuple[str, ...]:
         """Kinds that shadow rays go to."""
-        return tuple(kind for kind in self.lights if not (self.chance_sky and kind in SKIES))
+        return tuple(kind for kind in self.lights if not (self.chance_sky and kind in WHOLE_SKIES))
 
     def switches(self) -> dict[str, bool]:
         """Every switch by name, HAS_ left away; all are always defined as 0 or 1."""

@@ -196,13 +196,13 @@ _TABLE = (
         "Light",
         "A light, and its slot of the alias table by which lights are picked",
         ("uint", "kind", "", "LIGHT_*"),
-        ("uint", "prim", "", "emitting primitive, texture of a sky, or NONE"),
+        ("uint", "prim", "", "emitting primitive, texture of a sky or of what is cast, or NONE"),
         ("uint", "alias", "", "light picked where u exceeds the threshold; in a tree: bits 3k on: child at depth k"),
         ("float", "threshold", "", "share of this slot that stays with this light"),
         ("float4", "position", "m", "xyz; w = probability of being picked"),
-        ("float4", "direction", "", "unit; the way the light travels; triangle: its normal; sky: w = beyond its poles"),
+        ("float4", "direction", "", "unit; way of the light; triangle: normal; sky: w = beyond poles; cast: w = up"),
         ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance; w = bits of a slot"),
-        ("float4", "extra", "", "spot: cosines, angles of cutoff, fall-off; emitter: x two-sided, y area, z never met"),
+        ("float4", "extra", "", "spot: zw = cutoff, fade; emitter: x two-sided, y area, z never met; cast: xy = up"),
     ),
     _record(
         "LightNode",
@@ -276,6 +276,8 @@ _TABLE = (
         ("uint", "first_y", "pixels", ""),
         ("uint", "whole_width", "pixels", ""),
         ("uint", "block_bits", "", "sampler blue_noise: log2 of the samples in a pixel's block; even"),
+        ("uint", "sun_count", "", "lights that are disks at infinity; they come first"),
+        *[("uint", f"pad{i}", "", "zero") for i in range(3)],
     ),
 )
 

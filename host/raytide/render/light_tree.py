@@ -68,8 +68,8 @@ def light_bounds(lights: np.ndarray, geometry: FlatGeometry, intensity: np.ndarr
     out.cos_o[:], out.cos_e[:] = -1.0, 0.0
     out.intensity[:] = np.maximum(intensity, max(1e-12 * float(intensity.max(initial=0.0)), 1e-30))  # none is nothing
     out.both[:] = False
-    spots = lights["kind"] == kind_number("light", "spot")
-    out.cos_o[spots] = lights["extra"][spots, 0]
+    spots = np.isin(lights["kind"], [kind_number("light", name) for name in ("spot", "textured_spot", "projector")])
+    out.cos_o[spots] = np.cos(lights["extra"][spots, 2])
     out.cos_e[spots] = np.cos(0.02)  # no light beyond the cone; a little for rounding
     emitters = np.nonzero(lights["kind"] == kind_number("light", "emitter"))[0]
     out.both[emitters] = lights["extra"][emitters, 0] != 0

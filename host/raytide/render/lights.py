@@ -18,10 +18,20 @@ from raytide.render.light_tree import FEW, LEAF, TWO_SIDED, build_light_tree, ha
 from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
 from raytide.scene.flatten import FlatScene
-from raytide.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
+from raytide.scene.lights import (
+    SKY_LIGHTS,
+    DirectionalLight,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    ProjectorLight,
+    SpotLight,
+    SunSkyLight,
+)
 from raytide.scene.material_parts import Material
 from raytide.scene.transform import matrix_of
 
+PLACED = (PointLight, SpotLight, ProjectorLight)  # lights of one point
 _EQUAL_SHARE = 0.25
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
 _UNPICKED = -1  # group of lights that are left to rays that scatter
@@ -40,7 +50,7 @@ def choice_of(flat: FlatScene) -> str:
     """How one of the scene's lights is picked: "uniform", "power" or "tree", which pays where many have a place."""
     if flat.render.light_choice != "auto":
         return flat.render.light_choice
-    count = sum(isinstance(light, (PointLight, SpotLight)) for light in flat.lights)
+    count = sum(isinstance(light, PLACED) for light in flat.lights)
     for thing in flat.objects:
         if flat.materials[thing.material].type == "emissive" and thing.visible_to:
             count += 1 if thing.shape >= 0 else thing.triangle_count
@@ -60,12 +70,16 @@ def pack_lights(
 
     Links objects and shapes to their lights. Lights that the scene declares come first, then one a emissive primitive.
     """
-    declared = np.zeros(len(flat.lights), RECORDS["Light"].dtype)
-    environment, target = NONE, np.asarray(flat.camera.target, float)
+    models = sorted(flat.lights, key=lambda light: light.kernel != "sun")  # kernels look for suns at the front
+    declared = np.zeros(len(models), RECORDS["Light"].dtype)
+    environment, target, shown = NONE, np.asarray(flat.camera.target, float), np.ones((len(declared), 3))
     weights = []
-    for i, (row, light) in enumerate(zip(declared, flat.lights, strict=True)):
+    for i, (row, light) in enumerate(zip(declared, models, strict=True)):
         weights.append(_declared(row, light, origin, target))
-        if isinstance(light, EnvironmentLight):
+        if light.picture is not None:
+            shown[i] = _cast(row, light, textures)
+            weights[-1] *= shown[i] @ _LUMINANCE
+        if isinstance(light, SKY_LIGHTS):
             environment = i
             weights[-1] += _sky(row, light, flat, textures)
     groups = [np.arange(len(declared))]
@@ -73,7 +87,7 @@ def pack_lights(
         groups[0][environment] = _UNPICKED
     parts = [declared]
     importance = [np.asarray(weights, float)]
-    intensity = [declared["radiance"][:, :3] @ _LUMINANCE]
+    intensity = [(declared["radiance"][:, :3] * shown) @ _LUMINANCE]
     count = len(declared)
     for index, thing in enumerate(flat.objects):
         material = flat.materials[thing.material]
@@ -81,18 +95,12 @@ def pack_lights(
             continue
         radiance = dict(material.parameters())
         prims, areas, centers, normals = _primitives(flat, geometry, index, planes_first)
-        rows = np.zeros(len(prims), RECORDS["Light"].dtype)
-        rows["kind"] = kind_number("light", "emitter")
-        rows["prim"] = prims
-        rows["radiance"][:, :3] = radiance["radiance"]
-        rows["direction"][:, :3] = normals
-        rows["extra"][:, 0] = radiance["two_sided"][0]
-        rows["extra"][:, 1] = areas
+        rows = _emitters(prims, areas, normals, radiance)
         rows["extra"][:, 2] = "indirect" not in thing.visible_to
         objects[index]["light"] = count
-        shown = _texture(rows, material, thing.material, textures)
+        mean = _texture(rows, material, thing.material, textures)
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
-        intensity.append(float(_LUMINANCE @ np.multiply(radiance["radiance"], shown)) * areas)
+        intensity.append(float(_LUMINANCE @ np.multiply(radiance["radiance"], mean)) * areas)
         importance.append(intensity[-1] / np.maximum(distance2, areas))
         groups.append(np.full(len(prims), len(flat.lights) + index))
         parts.append(rows)
@@ -138,8 +146,8 @@ def shadows_alone(flat: FlatScene) -> bool:
 def left_to_scattering(flat: FlatScene) -> bool:
     """Whether the scene has a sky of constant radiance, rays that scatter carry its light, and no choice of lights asks
     for shadow rays to every light."""
-    skies = [light for light in flat.lights if isinstance(light, EnvironmentLight)]
-    constant = bool(skies) and all(light.file is None for light in skies)
+    skies = [light for light in flat.lights if isinstance(light, SKY_LIGHTS)]
+    constant = bool(skies) and all(isinstance(light, EnvironmentLight) and light.file is None for light in skies)
     asked = flat.render.light_choice == "uniform"
     return constant and flat.render.integrator == "path" and not asked and not shadows_alone(flat)
 
@@ -148,33 +156,56 @@ def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndar
     """Fills the record of a declared light; returns its irradiance at `target`."""
     row["kind"] = kind_number("light", light.kernel)
     row["prim"] = NONE
-    if isinstance(light, EnvironmentLight):
-        if light.radiance is None:
-            return 0.0
+    if light.kernel == "environment_map":
+        return 0.0
+    if isinstance(light, EnvironmentLight) and light.radiance is not None:
         row["radiance"][:3] = np.multiply(light.radiance, light.scale)
         return float(np.pi * _LUMINANCE @ np.multiply(light.radiance, light.scale))
     if isinstance(light, DirectionalLight):
         row["direction"][:3] = _unit(np.array(light.direction))
         row["radiance"][:3] = light.irradiance
+        if light.angle is not None:
+            half = np.radians(light.angle / 2)
+            row["radiance"][:3] = np.divide(light.irradiance, np.pi * np.sin(half) ** 2)
+            row["extra"][0] = 2 * np.sin(half / 2) ** 2
+            row["extra"][1] = 1 / (2 * np.pi * float(row["extra"][0]))
         return float(_LUMINANCE @ np.array(light.irradiance))
-    if not isinstance(light, (PointLight, SpotLight)):
+    if not isinstance(light, PLACED):
         raise NotImplementedError(f"a light of type {light.type} has no packing")
     position = np.array(light.position)
     row["position"][:3] = position - origin
-    row["radiance"][:3] = light.intensity
+    row["radiance"][:3] = light.irradiance if isinstance(light, ProjectorLight) else light.intensity
+    if not isinstance(light, PointLight):
+        row["direction"][:3] = _unit(np.array(light.target) - position)
     if isinstance(light, SpotLight):
         start = light.cutoff if light.falloff_start is None else light.falloff_start
-        row["direction"][:3] = _unit(np.array(light.target) - position)
-        angles = np.radians((light.cutoff, start))
-        row["extra"] = (*np.cos(angles), *angles)
+        row["extra"][2:] = np.radians((light.cutoff, start))
     distance2 = float(np.sum((position - target) ** 2))
-    return float(_LUMINANCE @ np.array(light.intensity)) / max(distance2, 1e-30)
+    return float(_LUMINANCE @ row["radiance"][:3]) / max(distance2, 1e-30)
 
 
-def _sky(row: np.ndarray, light: EnvironmentLight, flat: FlatScene, textures: PackedTextures) -> float:
+def _cast(row: np.ndarray, light: Light, textures: PackedTextures) -> np.ndarray:
+    """Fills what a cast texture adds to the record: its number, the way up (as long as the cotangent of half the angle
+    that the texture fills) and, of a projector, the largest angle to the axis and the width by the height. Returns the
+    texture's mean colour (3,)."""
+    assert isinstance(light, (SpotLight, ProjectorLight)) and light.picture is not None
+    row["prim"] = list(textures.means).index(light.picture)
+    axis = np.subtract(light.target, light.position)
+    up = _unit(np.cross(np.cross(axis, light.up), axis))
+    tangent = np.tan(np.radians(light.cutoff if isinstance(light, SpotLight) else light.fov / 2))
+    row["extra"][:2], row["direction"][3] = (up / tangent)[:2], (up / tangent)[2]
+    if isinstance(light, ProjectorLight):
+        of_picture = textures.table[row["prim"]]
+        known = of_picture["kind"] == kind_number("texture", "bitmap")
+        aspect = light.aspect or (float(of_picture["width"] / of_picture["height"]) if known else 1.0)
+        row["extra"][2:] = np.arctan(tangent * np.hypot(1.0, aspect)), aspect
+    return textures.means[light.picture]
+
+
+def _sky(row: np.ndarray, light: EnvironmentLight | SunSkyLight, flat: FlatScene, textures: PackedTextures) -> float:
     """Fills what a picture of the sky adds to the record; returns a quarter of its radiance over all directions, which
     for a constant one is the irradiance of a plane."""
-    if flat.textures.sky is None or light.file is None:
+    if flat.textures.sky is None or light.kernel != "environment_map":
         return 0.0
     row["prim"] = textures.sky
     row["radiance"][:3] = light.scale
@@ -183,6 +214,20 @@ def _sky(row: np.ndarray, light: EnvironmentLight, flat: FlatScene, textures: Pa
     for member, axis in zip(("position", "direction", "extra"), matrix_of(light.transform)[:3, :3].T, strict=True):
         row[member][:3] = axis  # where the picture's own axes point
     return light.scale * float(patch_light(sky_radiance(flat.textures.sky), beyond).sum()) / 4
+
+
+def _emitters(
+    prims: np.ndarray, areas: np.ndarray, normals: np.ndarray, radiance: dict[str, tuple[float, ...]]
+) -> np.ndarray:
+    """Records of an emissive object's primitives, all of whose parameters are alike."""
+    rows = np.zeros(len(prims), RECORDS["Light"].dtype)
+    rows["kind"] = kind_number("light", "emitter")
+    rows["prim"] = prims
+    rows["radiance"][:, :3] = radiance["radiance"]
+    rows["direction"][:, :3] = normals
+    rows["extra"][:, 0] = radiance["two_sided"][0]
+    rows["extra"][:, 1] = areas
+    return rows
 
 
 def _texture(rows: np.ndarray, material: Material, index: int, textures: PackedTextures) -> np.ndarray:

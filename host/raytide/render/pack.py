@@ -21,7 +21,7 @@ from raytide.kernels.constants import (
     STRETCHED,
     TRANSMITS,
 )
-from raytide.kernels.features import SKIES, Features, kind_number, kinds
+from raytide.kernels.features import WHOLE_SKIES, Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
 from raytide.render.lights import choice_of, left_to_scattering, pack_lights
@@ -87,7 +87,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     if shining:
         lights.add("emitter")
     chance_sky = left_to_scattering(flat)
-    light_tree = bool(lights - {*SKIES} if chance_sky else lights) and choice_of(flat) == "tree"
+    light_tree = bool(lights - {*WHOLE_SKIES} if chance_sky else lights) and choice_of(flat) == "tree"
     if everything:
         lights = set(kinds("light"))
     shapes = set(ANALYTIC_KINDS) if everything else {s.kind for s in flat.shapes}

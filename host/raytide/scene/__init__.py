@@ -14,14 +14,23 @@ from raytide.scene.builders import (
     mesh_attribute,
     plane,
     point,
+    projector,
     rect,
     sky,
     sphere,
     spot,
+    sun_sky,
 )
 from raytide.scene.camera import Orthographic, ThinLens
 from raytide.scene.camera import Pinhole as Camera
-from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from raytide.scene.lights import (
+    DirectionalLight,
+    EnvironmentLight,
+    PointLight,
+    ProjectorLight,
+    SpotLight,
+    SunSkyLight,
+)
 from raytide.scene.load import from_tables, load
 from raytide.scene.materials import (
     Blend,
@@ -65,6 +74,7 @@ __all__ = [
     "Plastic",
     "PointLight",
     "Principled",
+    "ProjectorLight",
     "Rectangle",
     "RenderSettings",
     "RoughConductor",
@@ -73,6 +83,7 @@ __all__ = [
     "Scene",
     "Sphere",
     "SpotLight",
+    "SunSkyLight",
     "ThinDielectric",
     "ThinFilm",
     "ThinLens",
@@ -88,8 +99,10 @@ __all__ = [
     "mesh_attribute",
     "plane",
     "point",
+    "projector",
     "rect",
     "sky",
     "sphere",
     "spot",
+    "sun_sky",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from raytide.scene.lights import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight, SunSkyLight
 from raytide.scene.shapes import Box, Disk, Instance, Mesh, Plane, Rectangle, Sphere
 from raytide.scene.textures import Bitmap, Checkerboard, MeshAttribute
 
@@ -57,17 +57,31 @@ def point(position: Any, intensity: Any) -> PointLight:
     return PointLight(position=position, intensity=intensity)
 
 
-def directional(direction: Any, irradiance: Any) -> DirectionalLight:
-    """Parallel light that travels along `direction`; irradiance in W/m^2. Raises SceneError."""
-    return DirectionalLight(direction=direction, irradiance=irradiance)
+def directional(direction: Any, irradiance: Any, angle: float | None = None) -> DirectionalLight:
+    """Light from far away that travels along `direction`: parallel, or from a disk `angle` degrees across; irradiance
+    in W/m^2. Raises SceneError."""
+    return DirectionalLight(direction=direction, irradiance=irradiance, angle=angle)
+
+
+def sun_sky(elevation: float = 45.0, azimuth: float = 0.0, turbidity: float = 3.0, **keys: Any) -> SunSkyLight:
+    """Daylight with the sun at `elevation`, `azimuth` from -z towards +x [degrees]; `keys` as in a scene file. Raises
+    SceneError."""
+    return SunSkyLight(elevation=elevation, azimuth=azimuth, turbidity=turbidity, **keys)
 
 
 def spot(
-    position: Any, target: Any, intensity: Any, cutoff: float = 20.0, falloff_start: float | None = None
+    position: Any, target: Any, intensity: Any, cutoff: float = 20.0, falloff_start: float | None = None, **keys: Any
 ) -> SpotLight:
-    """A cone of light; intensity in W/sr, half angles in degrees. Raises SceneError."""
-    keys = {} if falloff_start is None else {"falloff_start": falloff_start}
+    """A cone of light; intensity in W/sr, half angles in degrees; `texture` and `up` as in a scene file. Raises
+    SceneError."""
+    keys |= {} if falloff_start is None else {"falloff_start": falloff_start}
     return SpotLight(position=position, target=target, intensity=intensity, cutoff=cutoff, **keys)
+
+
+def projector(position: Any, target: Any, texture: str, irradiance: Any = 1.0, **keys: Any) -> ProjectorLight:
+    """A picture cast from one point; irradiance in W/m^2 at 1 m; `fov`, `aspect`, `up` as in a scene file. Raises
+    SceneError."""
+    return ProjectorLight(position=position, target=target, texture=texture, irradiance=irradiance, **keys)
 
 
 def sky(radiance: Any = 1.0, *, scale: float = 1.0, rotate: float = 0.0) -> EnvironmentLight:

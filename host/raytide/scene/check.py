@@ -12,7 +12,7 @@ from raytide.scene.camera import Camera
 from raytide.scene.describe import list_words, nearest, value_words
 from raytide.scene.instances import Shown, ShownObjects, shown_objects
 from raytide.scene.layered import layers_of
-from raytide.scene.lights import EnvironmentLight, Light
+from raytide.scene.lights import SKY_LIGHTS, Light
 from raytide.scene.material_parts import Material
 from raytide.scene.materials import Blend, Emissive
 from raytide.scene.model import path_words
@@ -57,7 +57,7 @@ def crop_problem(camera: Camera, render: RenderSettings) -> Problem | None:
 
 def light_problems(scene: Scene) -> list[Problem]:
     """More than one environment: a ray that hits nothing can see only one."""
-    skies = [name for name, light in scene.lights.items() if isinstance(light, EnvironmentLight)]
+    skies = [name for name, light in scene.lights.items() if isinstance(light, SKY_LIGHTS)]
     came = f"an environment beside {ascii(skies[0])}" if skies else ""
     return [Problem(path_words(("lights", name)), came, "at most one environment") for name in skies[1:]]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from raytide.importers.meshdata import MeshData
 from raytide.scene.layered import layers_of
-from raytide.scene.lights import EnvironmentLight
+from raytide.scene.lights import Light, SunSkyLight
 from raytide.scene.textures import Bitmap, Texture
 
 if TYPE_CHECKING:
@@ -51,12 +51,16 @@ class FlatTextures:
 
 
 def flat_textures(scene: Scene, shown: set[str | None], meshes: list[Painted]) -> FlatTextures:
-    """Textures of the materials `shown`, and what all stored meshes, in order, carry. Raises SceneError for a file."""
+    """Textures of the materials `shown` and of lights, and what all stored meshes, in order, carry.
+
+    Raises SceneError for a file.
+    """
     layers = {layer for name in shown for layer in layers_of(scene.materials, name)}
-    used = sorted({name for layer in layers for name in scene.materials[layer].textures().values()})
+    painted = {name for layer in layers for name in scene.materials[layer].textures().values()}
+    used = sorted(painted | {light.picture for light in scene.lights.values() if light.picture is not None})
     models = {name: scene.textures[name] for name in used}
-    skies = [light.file for light in scene.lights.values() if isinstance(light, EnvironmentLight) and light.file]
-    sky = scene.picture(skies[0]).texels if skies else None
+    skies = [_sky(scene, light) for light in scene.lights.values() if light.kernel == "environment_map"]
+    sky = skies[0] if skies else None
     stretched = any("tangents" in scene.materials[layer].switches() for layer in layers)
     if not models and not stretched:
         return FlatTextures(sky=sky)
@@ -68,6 +72,11 @@ def flat_textures(scene: Scene, shown: set[str | None], meshes: list[Painted]) -
         colors=_joined([(mesh.colors, mesh.vertex_count) for mesh in meshes], 3),
         face_colors=_joined([(mesh.face_colors, mesh.triangle_count) for mesh in meshes], 3),
     )
+
+
+def _sky(scene: Scene, light: Light) -> np.ndarray:
+    """The picture of a sky. Raises SceneError for a file."""
+    return light.texels() if isinstance(light, SunSkyLight) else scene.picture(getattr(light, "file", "")).texels
 
 
 def _joined(parts: list[tuple[np.ndarray | None, int]], width: int) -> np.ndarray | None:

@@ -29,13 +29,14 @@ def texture_problems(scene: Scene, texture_names: Sequence[str]) -> list[Problem
     """
     names = list(texture_names)
     problems = [
-        _unknown(name, material, parameter, texture, names)
+        _unknown(("materials", name, parameter), option_of(type(material), parameter).wanted, texture, names)
         for name, material in scene.materials.items()
         for parameter, texture in material.textures().items()
         if texture not in names
     ]
     for name, material in scene.materials.items():
         problems += _relief_problems(scene, name, material)
+    problems += [problem for name in scene.lights for problem in _cast_problems(scene, name, names)]
     files = [(("textures", name), t.file) for name, t in scene.textures.items() if isinstance(t, Bitmap)]
     files += [
         (("lights", name), light.file)
@@ -47,12 +48,21 @@ def texture_problems(scene: Scene, texture_names: Sequence[str]) -> list[Problem
     return problems + [problem for name in scene.objects for problem in _object_problems(scene, name)]
 
 
-def _unknown(name: str, material: Material, parameter: str, texture: str, names: list[str]) -> Problem:
-    wanted = option_of(type(material), parameter).wanted
+def _unknown(key: tuple[str, ...], wanted: str, texture: str, names: list[str]) -> Problem:
     came = ascii(texture) if not names else f"the unknown texture {ascii(texture)}"
     known = list_words(names).removeprefix("one of ") if names else "there is none"
-    key = path_words(("materials", name, parameter))
-    return Problem(key, came, f"{wanted} ({known})", hint=nearest(texture, names))
+    return Problem(path_words(key), came, f"{wanted} ({known})", hint=nearest(texture, names))
+
+
+def _cast_problems(scene: Scene, name: str, names: list[str]) -> Iterator[Problem]:
+    """Textures of lights that are not there, or that only meshes have."""
+    texture = scene.lights[name].picture
+    key = ("lights", name, "texture")
+    if texture is not None and texture not in names:
+        yield _unknown(key, "the name of a texture", texture, names)
+    if isinstance(scene.textures.get(texture or ""), MeshAttribute):
+        came = f"{ascii(texture)}, which only meshes have"
+        yield Problem(path_words(key), came, "a bitmap, a checkerboard or a constant")
 
 
 def _relief_problems(scene: Scene, name: str, material: Material) -> list[Problem]:
@@ -111,6 +121,7 @@ def _missing(scene: Scene, name: str, texture: Texture) -> Iterator[tuple[str, s
 def texture_warnings(scene: Scene) -> list[str]:
     """Textures that nothing uses, values that are clamped to a parameter's range, a black sky."""
     used = {texture for material in scene.materials.values() for texture in material.textures().values()}
+    used |= {light.picture for light in scene.lights.values() if light.picture is not None}
     found = [f"textures.{name}: no material uses it" for name in scene.textures if name not in used]
     for name, material in scene.materials.items():
         for parameter, texture in material.textures().items():
@@ -122,6 +133,8 @@ def texture_warnings(scene: Scene) -> list[str]:
                 words = f"from {low:.4g} to {high:.4g}; they are clamped to {least:.4g} .. {most:.4g}"
                 found.append(f"materials.{name}.{parameter}: the texture {ascii(texture)} has values {words}")
     for name, light in scene.lights.items():
+        if light.picture is not None and values_of(scene, scene.textures[light.picture])[0] < 0:
+            found.append(f"lights.{name}.texture: {ascii(light.picture)} has values below 0; they become 0")
         if isinstance(light, EnvironmentLight) and light.file is not None:
             texels = scene.picture(light.file).texels
             if (texels < 0).any():

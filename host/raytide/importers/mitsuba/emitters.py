@@ -8,12 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from raytide.errors import SceneError
 from raytide.importers.mitsuba.bsdfs import Table, material_of, unknown_plugin
 from raytide.importers.mitsuba.build import Build
-from raytide.importers.mitsuba.document import Plugin
+from raytide.importers.mitsuba.document import Plugin, Property
 from raytide.importers.mitsuba.reader import Reader
+from raytide.importers.mitsuba.sensors import horizontal_fov
+from raytide.importers.mitsuba.sunsky import read_sunsky
+from raytide.importers.mitsuba.transforms import is_mirror, uniform_scale
+from raytide.importers.picture import load_picture
 
-OTHERS = ("directionalarea", "projector", "timed_sunsky", "volumelight")
+OTHERS = ("directionalarea", "timed_sunsky", "volumelight")
+
+
+PROJECTED = math.pi  # Mitsuba's `irradiance` of a projector is the radiance of a white wall at 1 m
 
 
 def glowing_material(build: Build, emitter: Plugin, bsdf: Plugin | None, shape: Plugin) -> str:
@@ -77,7 +85,7 @@ def _point(reader: Reader) -> Table:
 
 
 def _spot(reader: Reader) -> Table:
-    matrix = reader.matrix()
+    matrix = _rigid(reader)
     cutoff = reader.number("cutoff_angle", 20.0)
     table: Table = {
         "type": "spot", "position": matrix[:3, 3].tolist(), "target": (matrix[:3, 3] + _ahead(matrix)).tolist(),
@@ -88,12 +96,62 @@ def _spot(reader: Reader) -> Table:
         reader.problem("beam_width", f"{table['falloff_start']:g}", f"an angle from 0 to the cutoff of {cutoff:g}")
     item = reader.find("texture", ("object",))
     if item is not None:
-        if reader.build.has("lights", "spot", "texture"):
-            table["texture"] = reader.build.textures.value(reader, "texture", item, colour=True)
-            table["up"] = (matrix[:3, 1] / np.linalg.norm(matrix[:3, 1])).tolist()
-        else:
-            reader.lacks("a textured spot", "a spot without texture", "texture")
+        table |= _casts(reader, matrix, "texture", item, leftward=True)
     return table
+
+
+def _projector(reader: Reader) -> Table | None:
+    matrix = _rigid(reader)
+    place = matrix[:3, 3]
+    table: Table = {"type": "projector", "position": place.tolist(), "target": (place + _ahead(matrix)).tolist()}
+    scale = reader.number("scale", 1.0)
+    item = reader.find("irradiance", ("object",))
+    if item is None:
+        if not reader.given("irradiance"):
+            reader.problem("irradiance", "nothing (the parameter is missing)", "a texture")
+        return None
+    table |= _casts(reader, matrix, "irradiance", item, leftward=False)
+    aspect = _aspect(reader, item.value)
+    half = math.tan(math.radians(horizontal_fov(reader, aspect)) / 2)
+    table["fov"] = math.degrees(2 * math.atan(half / aspect))
+    return table | {"aspect": aspect, "irradiance": [PROJECTED * scale] * 3}
+
+
+def _aspect(reader: Reader, texture: Plugin) -> float:
+    """Width by height of a bitmap, 1 of other textures."""
+    inner = Reader(reader.build, texture)
+    path = inner.file() if texture.type == "bitmap" and inner.given("filename") else None
+    if path is None:
+        return 1.0
+    try:
+        height, width = load_picture(path).texels.shape[:2]
+    except (SceneError, OSError):
+        return 1.0  # told where textures are checked
+    return float(width / height)
+
+
+def _casts(reader: Reader, matrix: np.ndarray, name: str, item: Property, *, leftward: bool) -> Table:
+    """The keys `texture` and `up`; `leftward`: whether Mitsuba counts u along the light's own +x, and v along its +y.
+
+    Seen from the light its +x points left unless its transform mirrors; raytide counts u to the right and v upwards.
+    """
+    build = reader.build
+    build.mirrored, build.upside_down = leftward != is_mirror(matrix), not leftward
+    texture = build.textures.value(reader, name, item, colour=True)
+    build.mirrored = build.upside_down = False
+    if not isinstance(texture, str):
+        reader.problem(name, "a texture that is the same everywhere", "one of bitmap, checkerboard")
+        return {}
+    return {"texture": texture, "up": (matrix[:3, 1] / np.linalg.norm(matrix[:3, 1])).tolist()}
+
+
+def _rigid(reader: Reader) -> np.ndarray:
+    """`to_world` of a light that looks ahead along its own +z."""
+    matrix = reader.matrix()
+    if uniform_scale(matrix, 1e-3) is None:
+        reader.problem("to_world", "a transform that stretches or shears the light", "turns, shifts and one scale")
+        return np.eye(4)
+    return matrix
 
 
 def _ahead(matrix: np.ndarray) -> np.ndarray:
@@ -124,18 +182,12 @@ def _envmap(reader: Reader) -> Table | None:
     return reader.build.textures.environment(reader, path, scale, matrix)
 
 
-def _sunsky(reader: Reader) -> Table | None:
-    reader.lacks("the emitter 'sunsky'", "constant, envmap or directional")
-    for name in list(reader.plugin.properties):
-        reader.ignore(name)
-    return None
-
-
 LIGHTS: dict[str, Callable[[Reader], Any]] = {
     "constant": _constant,
     "directional": _directional,
     "envmap": _envmap,
     "point": _point,
+    "projector": _projector,
     "spot": _spot,
-    "sunsky": _sunsky,
+    "sunsky": read_sunsky,
 }

@@ -203,7 +203,7 @@ def _check_rigid(reader: Reader, matrix: np.ndarray) -> None:
 
 def _perspective(reader: Reader, film: Film) -> dict[str, Any]:
     """Vertical field of view of the crop window, and its shift."""
-    across = math.tan(math.radians(_horizontal_fov(reader, film.aspect)) / 2)
+    across = math.tan(math.radians(horizontal_fov(reader, film.aspect)) / 2)
     offsets = [0.0, 0.0]
     if reader.plugin.type == "perspective":
         offsets = [reader.number(f"principal_point_offset_{axis}", 0.0) for axis in "xy"]
@@ -214,7 +214,7 @@ def _perspective(reader: Reader, film: Film) -> dict[str, Any]:
     return table
 
 
-def _horizontal_fov(reader: Reader, aspect: float) -> float:
+def horizontal_fov(reader: Reader, aspect: float) -> float:
     """Mitsuba's rules: `fov` along `fov_axis`, or the focal length of 35 mm film along the diagonal [degrees]."""
     axes = ("x", "y", "diagonal", "smaller", "larger")
     if reader.given("fov"):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 CONSTANTS = ("uniform", "srgb", "rawconstant", "d65")
 PATTERNS = ("bitmap", "checkerboard", "mesh_attribute")
 OTHERS = ("regular", "irregular", "blackbody", "volume")
+MIRRORED = np.array([[-1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 UPSIDE_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
 
 Table = dict[str, Any]
@@ -31,7 +32,7 @@ class Textures:
 
     def __init__(self, build: Build) -> None:
         self.build = build
-        self.made: dict[tuple[int, bool, bool], str] = {}
+        self.made: dict[tuple[int, bool, bool, bool], str] = {}
 
     def value(self, owner: Reader, name: str, item: Property, *, colour: bool) -> Any:
         """What a material's parameter becomes: a colour, a number, or the name of a texture."""
@@ -51,12 +52,12 @@ class Textures:
         return self._texture(plugin, swapped=not colour and plugin.type == "checkerboard")
 
     def _texture(self, plugin: Plugin, swapped: bool) -> str:
-        """The name of a texture, made once for each way that v runs.
+        """The name of a texture, made once for each way that u and v run.
 
         `swapped`: where Mitsuba (3.9.1) asks a checkerboard for one number and not for a colour, its fields change
         places; pictures that it made show it so.
         """
-        key = (id(plugin), self.build.upside_down, swapped)
+        key = (id(plugin), self.build.upside_down, self.build.mirrored, swapped)
         self.build.textured = True
         if key not in self.made:
             from raytide.importers.mitsuba.reader import Reader
@@ -168,6 +169,8 @@ def _placed(reader: Reader, last: np.ndarray | None) -> Table:
     matrix[:2] = to_uv[:2][:, [0, 1, 3]]
     if reader.build.upside_down:
         matrix = matrix @ UPSIDE_DOWN
+    if reader.build.mirrored:
+        matrix = matrix @ MIRRORED
     if last is not None:
         matrix = last @ matrix
     return {} if np.array_equal(matrix, np.eye(3)) else {"transform": [{"matrix": matrix[:2].ravel().tolist()}]}
