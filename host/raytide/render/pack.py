@@ -108,6 +108,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "lanczos")},
         center=render.filter == "centre",
         local=render.integrator == "local",
+        photon=render.integrator == "photon" and bool(lights),
         chance_sky=chance_sky,
         light_tree=light_tree,
         sobol=render.sampler != "random",
