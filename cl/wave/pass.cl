@@ -42,3 +42,30 @@ static void note_scattering(const uint slot, const Ray onward SCATTERINGS_ARGUME
     scatterings[slot] = make4(xyz(onward.origin), scatterings[slot].w);
 #endif
 }
+
+// Whether the path scatters in a body before it meets a surface: then it is alive from there, or it ends. Adds no edge;
+// light is found by leaving the body, which no light sampling competes with.
+static int walk_on(global const Material *materials, global const Settings *settings, const Ray ray, const Hit hit,
+                   const uint4 path, float4 *state, const uint slot, global Ray *rays, global float4 *throughput,
+                   global uint4 *paths, global uint *status SCATTERINGS_ARGUMENT)
+{
+#if WALKS
+    const uint medium = scattering_medium(materials, path.y);
+    if (!medium) {
+        return 0;
+    }
+    const float distance = hit.t * length3(xyz(ray.direction));
+    const Flight flight = flight_of(materials + medium - 1u, settings, ray, distance, path, *state);
+    *state = flight.state;
+    if (flight.scattered && !flight.ended) {
+        rays[slot] = flight.ray;
+        throughput[slot] = flight.state;
+        paths[slot] = (uint4)(path.x, path.y | PATH_DELTA, path.z, path.w);
+        note_scattering(slot, flight.ray SCATTERINGS);
+        *status = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
+    }
+    return flight.scattered;
+#else
+    return 0;
+#endif
+}

@@ -56,7 +56,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     Ray ray = rays[slot];
     const Hit hit = hits[slot];
     const uint4 path = paths[slot];
-    const float4 state = throughput[slot];
+    float4 state = throughput[slot];
     const uint edge = path.y & PATH_EDGES;
     status[i] = 0u;
     if (!(ray.direction.w > 0.0f)) {
@@ -72,6 +72,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         const float3 seen = environment_seen(lights, before, settings, g, ray, path.y, state);
         samples[path.x] += told(faults, seen, 0.0f, FAULT_SKY, edge);
 #endif
+        return;
+    }
+    if (walk_on(materials, settings, ray, hit, path, &state, slot, rays, throughput, paths, status + i SCATTERINGS)) {
         return;
     }
     const PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, state);
