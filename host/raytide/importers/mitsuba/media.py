@@ -58,7 +58,8 @@ def _medium(build: Build, plugin: Plugin) -> Table:
 def filled_material(build: Build, bsdf: Plugin | None, shape: Plugin, inside: Table) -> str:
     """The name of the material of a shape with a medium inside; `null` is a boundary that does not bend."""
     if bsdf is None or bsdf.type != "null":
-        boundary = build.tables.get("materials", {}).get(material_of(build, bsdf, shape), {})
+        name = material_of(build, bsdf, shape)
+        boundary = build.tables.get("materials", {}).get(name, {})
         if boundary and boundary["type"] not in BOUNDARIES:
             came = f"a medium inside a shape of the material {boundary['type']!r}"
             build.report.add(shape.element, shape.words, came, "the bsdf dielectric, roughdielectric or null")
@@ -67,4 +68,6 @@ def filled_material(build: Build, bsdf: Plugin | None, shape: Plugin, inside: Ta
         reader.ignore("id")
         reader.finish()
         boundary = {"type": "dielectric", "ior": 1.0}
-    return build.put("materials", {**boundary, **inside}, shape, (bsdf.id if bsdf else "") or "medium") if boundary else ""
+    if not boundary:
+        return ""
+    return build.put("materials", {**boundary, **inside}, shape, (bsdf.id if bsdf else "") or "medium")
