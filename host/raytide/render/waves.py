@@ -237,8 +237,9 @@ class Waves:
         on, and by edges."""
         scene, launch, n = self.scene, self.device.launch, np.uint32(count)
         queue = self._queues[0]
+        items, local = trace_launch(count, alone=self.device.kind == "gpu")
         launch(
-            self.programs["shade"], "shade", count, 64,
+            self.programs["shade"], "shade", items, local,
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
