@@ -32,6 +32,9 @@ typedef struct {
 #else
     global const Material *material;
 #endif
+#if HAS_MEASURED
+    global const Material *tables;  // behind the records
+#endif
     uint number;    // of the material
     uint medium;    // absorbing material that the path came through: its number + 1; 0: none
     float4 state;   // throughput here; w = pdf of the direction that led here
@@ -104,6 +107,9 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.material = textured_material(g, material, &v.surface);
 #else
     v.material = material;
+#endif
+#if HAS_MEASURED
+    v.tables = materials;
 #endif
     const float3 wo = -renormalize3(xyz(ray.direction));
     v.cos_o = dot3(wo, v.surface.ng);
@@ -296,7 +302,7 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
         out.light = (float3)(out.ray.direction.x);
         return out;
     }
-    BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
+    BsdfValue bsdf = material_value(material_of(v) TABLES(v->tables), v->wo, wi_local);
 #if HAS_RELIEF
     bsdf.value = bsdf.value * relief_shadow(v->roughening, dot3(v->level, wi));
 #endif
@@ -319,7 +325,7 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
 {
     NextRay out;
     out.valid = 0;
-    const BsdfSample bsdf = material_sample(material_of(v), v->wo, u);
+    const BsdfSample bsdf = material_sample(material_of(v) TABLES(v->tables), v->wo, u);
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
     if (!(bsdf.pdf > 0.0f) || side != side) {

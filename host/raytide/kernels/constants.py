@@ -9,6 +9,7 @@ TILE_GROUP = 4  # and where each traces TILE rays
 FILM_BLOCK = 64  # neighbouring sample numbers of a pixel that the film sums by themselves; a power of two
 PARTITION_CHUNK = 1024  # queue items that one work-item of the compaction counts
 EDGE_BINS = 16  # path edges 1..15 are counted apart, 16 and more together
+COUNTER_SHADOW = 1
 COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
@@ -39,6 +40,7 @@ _UNSIGNED = {
     "FILM_BLOCK": FILM_BLOCK,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
+    "COUNTER_SHADOW": COUNTER_SHADOW,
     "COUNTER_EDGES": COUNTER_EDGES,
     "SLOT_NORMALS": SLOT_NORMALS,
     "SLOT_HEIGHTS": SLOT_HEIGHTS,

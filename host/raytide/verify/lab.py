@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from raytide.accel import FlatGeometry, build_tree, tree_sources
 from raytide.device import Buffer, Device, Program
+from raytide.importers.measured import load_measurement
 from raytide.kernels.constants import PROBES
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.kernels.source import assemble
 from raytide.render import Film, Renderer
+from raytide.render.measured import place_tables
 from raytide.scene import Scene
 from raytide.scene.material_parts import SWITCHES, Material
 from raytide.scene.materials import MATERIALS
+from raytide.scene.measured import Measured
 from raytide.verify.variants import Variant, VariantDevice, variant_named
 
 FREE = np.float32(3.0e38)  # t_max of a ray that nothing ends
@@ -139,13 +143,13 @@ class Bsdf:
 
 
 def material_record(material: Material) -> np.ndarray:
-    """What the device gets of a material, (1,)."""
+    """What the device gets of a material, (1,), and behind it the table of a measured one."""
     row = np.zeros(1, RECORDS["Material"].dtype)
     row["kind"] = kind_number("material", material.type)
     numbers = [x for _, values in material.parameters() for x in values]
     for place, x in enumerate(numbers):
         row[f"p{place // 4}"][0, place % 4] = x
-    return row
+    return place_tables(row, {0: load_measurement(Path(material.file))} if isinstance(material, Measured) else {})
 
 
 class Tracer:
