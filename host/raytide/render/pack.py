@@ -22,10 +22,10 @@ from raytide.kernels.constants import (
     STRETCHED,
     TRANSMITS,
 )
-from raytide.kernels.features import Features, kind_number, kinds
+from raytide.kernels.features import WHOLE_SKIES, Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
-from raytide.render.lights import choice_of, pack_lights
+from raytide.render.lights import choice_of, left_to_scattering, pack_lights
 from raytide.render.measured import place_tables
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
@@ -89,6 +89,8 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     lights = {light.kernel for light in flat.lights}
     if shining:
         lights.add("emitter")
+    chance_sky = left_to_scattering(flat)
+    light_tree = bool(lights - {*WHOLE_SKIES} if chance_sky else lights) and choice_of(flat) == "tree"
     if everything:
         lights = set(kinds("light"))
     shapes = set(ANALYTIC_KINDS) if everything else {s.kind for s in flat.shapes}
@@ -108,7 +110,9 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "lanczos")},
         center=render.filter == "centre",
         local=render.integrator == "local",
-        light_tree=bool(lights) and choice_of(flat) == "tree",
+        photon=render.integrator == "photon" and bool(lights),
+        chance_sky=chance_sky,
+        light_tree=light_tree,
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",
         adaptive=render.adaptive,
