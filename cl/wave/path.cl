@@ -26,8 +26,13 @@
 #define SET_BSDF(edge) (2u * (edge))
 #define SET_PASS(passed) (0x1000000u + (passed))  // beyond all edges: surfaces that the path passed
 #define SET_BLEND(edge) (0x2000000u + (edge))
+#define SET_EMIT 0x3000000u  // where light leaves a light, and which light
+#define SET_EMIT_LIGHT 0x3000001u
 
 #define LOOK_AHEAD 8u  // items of a queue between the one at work and the one whose slot is asked for
+
+// Whether paths scatter inside bodies; in the integrators local and photon these only weaken light
+#define WALKS (HAS_SUBSURFACE && !HAS_LOCAL && !HAS_PHOTON)
 
 #define T_MAX_FREE 3.0e38f  // rays without an end; finite, so that every comparison stays ordered
 #define MISS_AT_ONCE -1.0f  // t_max of slots that hold no ray

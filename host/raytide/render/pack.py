@@ -17,19 +17,21 @@ from raytide.kernels.constants import (
     MOST_MEDIA,
     ONE_SIDED,
     RAY_KINDS,
+    SCATTERS,
     SEE_THROUGH,
     STRETCHED,
     TRANSMITS,
 )
-from raytide.kernels.features import Features, kind_number, kinds
+from raytide.kernels.features import WHOLE_SKIES, Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
-from raytide.render.lights import choice_of, pack_lights
+from raytide.render.lights import choice_of, left_to_scattering, pack_lights
 from raytide.render.measured import place_tables
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
 from raytide.scene.layered import layers_of
+from raytide.scene.material_parts import Body
 from raytide.scene.materials import Blend, Emissive
 
 
@@ -87,6 +89,8 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     lights = {light.kernel for light in flat.lights}
     if shining:
         lights.add("emitter")
+    chance_sky = left_to_scattering(flat)
+    light_tree = bool(lights - {*WHOLE_SKIES} if chance_sky else lights) and choice_of(flat) == "tree"
     if everything:
         lights = set(kinds("light"))
     shapes = set(ANALYTIC_KINDS) if everything else {s.kind for s in flat.shapes}
@@ -106,7 +110,9 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "lanczos")},
         center=render.filter == "centre",
         local=render.integrator == "local",
-        light_tree=bool(lights) and choice_of(flat) == "tree",
+        photon=render.integrator == "photon" and bool(lights),
+        chance_sky=chance_sky,
+        light_tree=light_tree,
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",
         adaptive=render.adaptive,
@@ -231,12 +237,14 @@ def _materials(flat: FlatScene) -> np.ndarray:
     materials = np.zeros(len(flat.materials), RECORDS["Material"].dtype)
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
-        absorption = np.asarray(getattr(model, "absorption", (0.0, 0.0, 0.0)))
+        extinction, inside = model.inside() if isinstance(model, Body) else (np.zeros(3), np.zeros(4))
+        if inside[:3].any():
+            row["flags"], row["p7"] = SCATTERS, inside
         one_sided = not model.two_sided and model.type != "emissive"
-        row["flags"] = (TRANSMITS if model.transmits else 0) | (ABSORBS if absorption.any() else 0)
+        row["flags"] |= (TRANSMITS if model.transmits else 0) | (ABSORBS if extinction.any() else 0)
         row["flags"] |= (STRETCHED if "tangents" in model.switches() else 0) | (ONE_SIDED if one_sided else 0)
         row["flags"] |= SEE_THROUGH if model.opacity < 1 or "opacity" in model.textures() else 0
-        row["absorption"] = (*absorption, model.opacity)
+        row["absorption"] = (*extinction, model.opacity)
         numbers = [x for _, values in model.parameters() for x in values]
         if isinstance(model, Blend):
             numbers[1:] = [flat.material_names.index(part) for part in model.parts]

@@ -18,6 +18,7 @@ SAMPLE_BYTES = 16
 Chunk = tuple[int, int, int, int]  # first tile, tiles, first sample, samples: what is traced before the film takes it
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity
 NORMAL_BYTES = 4  # a slot more where lights are picked by a tree
+TARGET_BYTES = 4  # a slot more where light is traced to the camera
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Wave:
     name: str
     needed: Callable[[Features], bool] = lambda features: True
     traces: bool = False
+    ignores: tuple[str, ...] = ()  # switches that it has no use for
 
     @property
     def entry(self) -> str:
@@ -34,7 +36,8 @@ class Wave:
 
     def features(self, features: Features) -> Features:
         """Those that this program is built with: one that reads no tree, or only the wide one, knows no layouts."""
-        return features if self.traces else replace(features, compact=False)
+        ignored = dict.fromkeys((*self.ignores, *(() if self.traces else ("compact",))), False)
+        return replace(features, **ignored)  # type: ignore[arg-type]
 
 
 WAVES = (
@@ -42,8 +45,11 @@ WAVES = (
     Wave("extend", traces=True),
     Wave("shade"),
     Wave("partition"),
-    Wave("shadow", lambda features: bool(features.lights), traces=True),
+    Wave("shadow", lambda features: bool(features.picked_lights), traces=True),
     Wave("film"),
+    Wave("emit", lambda features: features.photon, ignores=("light_tree",)),
+    Wave("connect", lambda features: features.photon, ignores=("light_tree",)),
+    Wave("splat", lambda features: features.photon),
 )
 AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
@@ -65,7 +71,7 @@ class Variant:
 
     @property
     def waves(self) -> tuple[Wave, ...]:
-        lit = lambda features: bool(features.lights)  # noqa: E731
+        lit = lambda features: bool(features.picked_lights)  # noqa: E731
         return Wave(f"extend{self.suffix}", traces=True), Wave(f"shadow{self.suffix}", lit, traces=True)
 
 
@@ -82,8 +88,8 @@ TRAVERSALS = ("auto", *(variant.name for variant in VARIANTS))
 
 
 def kind_of(label: str) -> str:
-    """The kind of a launch by its label, such as "shadow" of "shadow[3]"."""
-    return label if label in KINDS else label.partition("[")[0]
+    """The kind of a launch by its label, such as "shadow" of "shadow[3]"; light on its way from lamps is scattered."""
+    return label if label in KINDS else "reflection" if label == "emitted" else label.partition("[")[0]
 
 
 def variants_for(traversal: str, kind: str, features: Features) -> tuple[Variant, ...]:
@@ -120,7 +126,8 @@ class WavePlan:
 
 def slot_bytes_of(features: Features) -> int:
     """What the wave buffers hold for each path."""
-    return SLOT_BYTES + SCATTERING_BYTES * features.opacity + NORMAL_BYTES * features.light_tree
+    more = NORMAL_BYTES * features.light_tree + TARGET_BYTES * features.photon
+    return SLOT_BYTES + SCATTERING_BYTES * features.opacity + more
 
 
 def plan_waves(
