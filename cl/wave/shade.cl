@@ -13,6 +13,7 @@
 #include "wave/path.cl"
 #include "wave/vertex.cl"
 #include "wave/pass.cl"
+#include "wave/nested.cl"
 
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
@@ -22,7 +23,8 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
                   global const Light *light_table LIGHT_TREE_ARGUMENTS, global const Settings *settings,
                   global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
                   global float4 *throughput, global uint4 *paths, global uint *status, global Ray *shadow_rays,
-                  global float4 *shadow_light, global float4 *samples SCATTERINGS_ARGUMENT)
+                  global float4 *shadow_light, global float4 *samples SCATTERINGS_ARGUMENT
+                  MEDIA_ARGUMENT)
 {
     const uint i = (uint)get_global_id(0);
     if (i >= count) {
@@ -52,7 +54,12 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #endif
         return;
     }
-    const PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, state);
+    PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, state);
+#if HAS_NESTED
+    if (settle_nested(materials, &vertex, ray, path, slot, rays, throughput, paths, all_media, status + i, samples)) {
+        return;
+    }
+#endif
     const int passed = pass_on(g, objects, materials, settings, &vertex, &ray, path, slot, rays, throughput,
                                status + i SCATTERINGS);
     if (is_light(objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory
@@ -92,6 +99,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         rays[slot] = onward.ray;
         throughput[slot] = onward.state;
         note_scattering(slot, onward.ray SCATTERINGS);
+#if HAS_NESTED
+        note_media(&vertex, onward.to_front, slot, all_media);
+#endif
         path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u) | (onward.medium << PATH_MEDIUM_SHIFT);
         paths[slot] = path;
         next |= STATUS_ALIVE;

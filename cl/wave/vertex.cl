@@ -27,19 +27,23 @@ typedef struct {
     float roughening;  // of the relief's shadow
 #endif
     float cos_o;    // of the viewer's direction to the geometric front side
-#if HAS_TEXTURED
+#if HAS_COPIED
     Material material;  // its parameters at this point
 #else
     global const Material *material;
 #endif
     uint number;    // of the material
     uint medium;    // absorbing material that the path came through: its number + 1; 0: none
+#if HAS_NESTED
+    uint front;     // of a ranked boundary: body on its front side, as `medium`; behind is its own
+    int ranked;     // bodies are ranked, and the path is inside of one or at its boundary
+#endif
     float4 state;   // throughput here; w = pdf of the direction that led here
 } PathVertex;
 
 static MATERIAL_SPACE const Material *material_of(const PathVertex *v)
 {
-#if HAS_TEXTURED
+#if HAS_COPIED
     return &v->material;
 #else
     return v->material;
@@ -58,6 +62,9 @@ typedef struct {
     uint medium;
     int delta;
     int valid;
+#if HAS_NESTED
+    int to_front;  // of the surface
+#endif
 } NextRay;
 
 // Absorption (Beer 1852) over a distance in the medium of that number.
@@ -74,6 +81,11 @@ static float3 absorbed(global const Material *materials, const uint medium, cons
 // Medium of a ray that leaves: only surfaces of absorbing materials change it, by the side (wi_z > 0: front).
 static uint medium_ahead(const PathVertex *v, const float wi_z)
 {
+#if HAS_NESTED
+    if (v->material.flags >> MATERIAL_RANK_SHIFT) {
+        return wi_z < 0.0f ? v->number + 1u : v->front;
+    }
+#endif
 #if HAS_ABSORPTION
     return (material_of(v)->flags & MATERIAL_ABSORBS) ? (wi_z < 0.0f ? v->number + 1u : 0u) : v->medium;
 #else
@@ -102,6 +114,8 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     global const Material *material = materials + v.number;
 #if HAS_TEXTURED
     v.material = textured_material(g, material, &v.surface);
+#elif HAS_COPIED
+    v.material = *material;
 #else
     v.material = material;
 #endif
@@ -283,6 +297,11 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
         return out;
     }
+#if HAS_NESTED
+    if (v->ranked && medium_ahead(v, wi_local.z)) {
+        return out;  // boundaries that are not there would stop it: light inside a body is left to chance
+    }
+#endif
     BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
 #if HAS_RELIEF
     bsdf.value = bsdf.value * relief_shadow(v->roughening, dot3(v->level, wi));
@@ -323,6 +342,10 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     if (!wanted) {
         return out;
     }
+#if HAS_NESTED
+    out.to_front = bsdf.wi.z > 0.0f;
+    out.delta = out.delta || (v->ranked && out.medium);  // shadow rays do not look inside bodies
+#endif
 #if HAS_RELIEF
     const float passing = (bsdf.flags & BSDF_TRANSMIT) ? 1.0f : relief_shadow(v->roughening, dot3(v->level, wi));
     float3 onward = xyz(v->state) * bsdf.weight * passing;

@@ -17,7 +17,8 @@ STRETCHED = 4  # flag of a material record: its shading frame follows the surfac
 ONE_SIDED = 8  # flag of a material record: the back is black
 SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing were there
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
-HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
+RANK_SHIFT = 16  # bits of a material record's flags from here on: its rank among bodies that overlap; 0: none
+HEALTH = ("non_finite", "negative", "too_nested")  # why samples are left out, in the order of their counters
 
 SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY = 4, 5, 6  # widths of slots that are no parameter: maps of relief, opacity
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
@@ -47,6 +48,7 @@ _UNSIGNED = {
     "MATERIAL_STRETCHED": STRETCHED,
     "MATERIAL_SEE_THROUGH": SEE_THROUGH,
     "MOST_MEDIA": MOST_MEDIA,
+    "MATERIAL_RANK_SHIFT": RANK_SHIFT,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
     **{f"PROBE_{name.upper()}": place for place, name in enumerate(PROBES)},

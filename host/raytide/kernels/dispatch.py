@@ -37,7 +37,7 @@ def type_name(kind: str) -> str:
 def parameters_text(features: Features) -> str:
     """One struct and one loader for each material kind present; loads the record's floats in declared order."""
     # Once textures have scaled them, the parameters at a point of a surface are a copy of the item's own.
-    out = [f"#define MATERIAL_SPACE {'private' if features.switches()['textured'] else 'global'}\n"]
+    out = [f"#define MATERIAL_SPACE {'private' if features.switches()['copied'] else 'global'}\n"]
     for kind, parameters in features.materials:
         members, loads, place = [], [], 0
         for name, width in parameters:

@@ -52,6 +52,7 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
     row["light_count"], row["environment"] = len(packed.lights), packed.environment
     row["filter_radius"] = render.width / 2
+    row["media"], row["first_medium"] = packed.media, packed.first_medium
     row["sun_count"] = sum(light.kernel == "sun" for light in flat.lights)
     row["shadows"] = render.shadows
     seen = (thing.visible_to for thing in flat.objects)

@@ -79,6 +79,7 @@ class SceneBuffers:
         """`meshes` are records Mesh."""
         flat = packed.geometry
         self._visibility, self.opacity = features.visibility, features.opacity
+        self.nested = features.nested
         self._geometry: tuple[Buffer | np.uint32, ...] = (
             *forest.buffers(device),
             device.upload(packed.triangles),
@@ -155,6 +156,7 @@ class Waves:
         self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
         self._hits = device.empty(slots * RECORDS["Hit"].size)
         self._scatterings = (device.empty(slots * 16),) if scene.opacity else ()
+        self._media = (device.empty(slots * 16),) if scene.nested else ()
         self._throughput, self._paths = device.empty(slots * 16), device.empty(slots * 16)
         self._shadow_light, self._status = device.empty(slots * 16), device.empty(slots * 4)
         self._queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
@@ -205,7 +207,7 @@ class Waves:
         self.device.launch(
             self.programs["primary"], "primary", count, 64,
             self.scene.camera, self.settings, self._queues[0], *(np.uint32(x) for x in numbers),
-            self._rays, self._throughput, self._paths, self.samples, *self._scatterings, *extra,
+            self._rays, self._throughput, self._paths, self.samples, *self._scatterings, *self._media, *extra,
             label="camera",
         )  # fmt: skip
         self._extend(place, count, "primary")
@@ -235,7 +237,7 @@ class Waves:
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
-            self._shadow_rays, self._shadow_light, self.samples, *self._scatterings,
+            self._shadow_rays, self._shadow_light, self.samples, *self._scatterings, *self._media,
             label="shade",
         )  # fmt: skip
         partition, chunks = programs["partition"], -(-count // PARTITION_CHUNK)
