@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import raytide.scene as rt
+from measured_files import measured_file
 from raytide.scene.material_parts import Material
 
 
@@ -23,7 +24,7 @@ class Case:
     @property
     def label(self) -> str:
         given = self.material.model_fields_set - {"type"}
-        words = [f"{name}={getattr(self.material, name)}" for name in sorted(given)]
+        words = [f"{name}={str(getattr(self.material, name)).rpartition('/')[2]}" for name in sorted(given)]
         return f"{self.material.type}({', '.join(words)})".replace(" ", "")
 
     @property
@@ -90,4 +91,8 @@ CASES: tuple[Case, ...] = (
     Case(rt.ThinFilm(550.0, ior=1.5, film_ior=1.38), delta=True, lossless=True, eta=1.5),
     Case(rt.ThinFilm(1000.0, **WHITE_METAL, film_ior=2.0), delta=True, lossless=True),
     Case(rt.ThinFilm(0.0, ior=1.5), delta=True, lossless=True, eta=1.5),
+    Case(rt.Measured(measured_file("rough.binary"))),
+    Case(rt.Measured(measured_file("paint.brdf"))),
+    Case(rt.Measured(measured_file("even.bsdf")), symmetric=False),  # what is measured need not be reciprocal
+    Case(rt.Measured(measured_file("brushed.bsdf")), symmetric=False),
 )

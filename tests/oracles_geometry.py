@@ -14,7 +14,7 @@ import numpy as np
 from raytide.accel.compact import compact_buffers, compact_source
 from raytide.kernels import NONE, RECORDS, Features, assemble
 from raytide.verify import lab
-from trace_programs import CLOSEST_KERNEL, PACKET_KERNELS, TRACE_KERNELS
+from trace_programs import PACKET_KERNELS, TRACE_KERNELS
 
 FAR = np.float32(3.0e38)
 SHAPES = ("box", "disk", "plane", "rectangle", "sphere")
@@ -202,6 +202,7 @@ class Tracer:
             nodes, blocks = np.zeros(0, RECORDS["Node"].dtype), blocks_in_order(geometry)
         else:
             nodes, blocks = tree  # type: ignore[misc]
+        self.nodes = nodes
         normals = geometry.normals if geometry.normals is not None else np.zeros((0, 4), np.float32)
         arrays = (nodes, blocks, geometry.triangles, geometry.vertices, normals, geometry.shapes)
         self.arguments = [device.upload(array) for array in arrays]  # type: ignore[attr-defined]
@@ -222,7 +223,7 @@ class Tracer:
         device, count = self.device, len(rays)
         given = device.upload(rays)  # type: ignore[attr-defined]
         hits, met = device.empty(16 * count), device.empty(4 * count)  # type: ignore[attr-defined]
-        self._launch("closest", count, given, hits, met)
+        self._launch("probe_trace", count, given, hits, met)
         found = device.read(hits, RECORDS["Hit"].dtype, count)  # type: ignore[attr-defined]
         anything = device.read(met, np.uint32, count) != 0  # type: ignore[attr-defined]
         if self.packets is not None:
@@ -233,7 +234,7 @@ class Tracer:
             self._expect(hits, met, found, anything)
         if self.compact is not None:
             device.fill(hits, 0)  # type: ignore[attr-defined]
-            device.launch(self.compact, "closest", (count,), (64,), *self.compact_arguments, np.uint32(count),  # type: ignore[attr-defined]
+            device.launch(self.compact, "probe_trace", (count,), (64,), *self.compact_arguments, np.uint32(count),  # type: ignore[attr-defined]
                           given, hits, met)  # fmt: skip
             self._expect(hits, met, found, anything)
         return found, anything
@@ -249,7 +250,7 @@ class Tracer:
         rows = np.zeros((count, 4, 4), np.float32)
         rows[:, 0, :3] = onward
         out = device.upload(rows)  # type: ignore[attr-defined]
-        self._launch("surfaces", count, device.upload(rays), device.upload(hits), out)  # type: ignore[attr-defined]
+        self._launch("probe_surface", count, device.upload(rays), device.upload(hits), out)  # type: ignore[attr-defined]
         got = device.read(out, np.float32, 16 * count).reshape(count, 4, 4)  # type: ignore[attr-defined]
         return {
             "p": got[:, 0, :3], "error": got[:, 0, 3], "ng": got[:, 1, :3], "n": got[:, 2, :3],
@@ -257,10 +258,11 @@ class Tracer:
         }  # fmt: skip
 
     def words(self, kernel: str, rays: np.ndarray) -> np.ndarray:
-        """One uint32 a ray from kernel `boxes`, `depths` or `redone`."""
+        """One uint32 a ray from kernel `probe_boxes` (lanes of the root that it meets), `depths` or `redone`."""
         device, count = self.device, len(rays)
         out = device.upload(np.zeros(count, np.uint32))  # type: ignore[attr-defined]
-        self._launch(kernel, count, device.upload(rays), out)  # type: ignore[attr-defined]
+        roots = [device.upload(np.repeat(self.nodes[:1], count))] if kernel == "probe_boxes" else []  # type: ignore[attr-defined]
+        self._launch(kernel, count, *roots, device.upload(rays), out)  # type: ignore[attr-defined]
         return device.read(out, np.uint32, count)  # type: ignore[attr-defined]
 
     def sample(self, shape: int, origins: np.ndarray, numbers: np.ndarray) -> dict[str, np.ndarray]:
@@ -270,7 +272,7 @@ class Tracer:
         given[0][:, :3], given[1][:, :2] = origins, numbers
         out = device.empty(48 * count)  # type: ignore[attr-defined]
         buffers = [device.upload(array) for array in given]  # type: ignore[attr-defined]
-        self._launch("picked", count, np.uint32(shape), *buffers, out)
+        self._launch("probe_light_point", count, np.uint32(shape), *buffers, out)
         got = device.read(out, np.float32, 12 * count).reshape(count, 3, 4)  # type: ignore[attr-defined]
         return {
             "p": got[:, 0, :3], "pdf": got[:, 0, 3], "ng": got[:, 1, :3],
@@ -283,7 +285,7 @@ def programs(device: object) -> dict[str, object]:
     """The programs that all tests share: "tree", "packets" and "compact" beside it, and "all" for brute force."""
     sources = {
         "packing": compact_source(),
-        "compact": assemble("", features(tree=True, compact=True), CLOSEST_KERNEL),
+        "compact": assemble("probe/trace.cl", features(tree=True, compact=True)),
         "packets": assemble("", features(tree=True), PACKET_KERNELS),
         "tree": assemble("", features(tree=True), TRACE_KERNELS),
         "all": assemble("", features(tree=False), TRACE_KERNELS),

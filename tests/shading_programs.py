@@ -6,15 +6,20 @@ Not a test: `math_probe`, `Materials` and `sample_sets` take and return numpy ar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from raytide.importers.measured import load_measurement
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
+from raytide.render.measured import place_tables
 from raytide.scene.material_parts import SWITCHES, Material
 from raytide.scene.materials import MATERIALS
+from raytide.scene.measured import Measured
 
 F4 = np.dtype("<f4")
 LOCAL = 64
@@ -93,7 +98,7 @@ kernel void probe_sample(const uint count, global const Material *materials, glo
     if (i >= count) {
         return;
     }
-    const BsdfSample s = material_sample(materials + which[i], xyz(wo[i]), u[i]);
+    const BsdfSample s = material_sample(materials + which[i] TABLES(materials), xyz(wo[i]), u[i]);
     direction[i] = make4(s.wi, s.pdf);
     weight[i] = make4(s.weight, (float)s.flags);
 }
@@ -106,7 +111,8 @@ kernel void probe_eval(const uint count, global const Material *materials, globa
         return;
     }
     global const Material *m = materials + which[i];
-    value[i] = make4(material_eval(m, xyz(wo[i]), xyz(wi[i])), material_pdf(m, xyz(wo[i]), xyz(wi[i])));
+    value[i] = make4(material_eval(m TABLES(materials), xyz(wo[i]), xyz(wi[i])),
+                     material_pdf(m TABLES(materials), xyz(wo[i]), xyz(wi[i])));
 }
 
 kernel void probe_constant(const uint count, global const Material *materials, global const uint *which,
@@ -196,6 +202,7 @@ class Model:
 
     kind: str
     values: tuple[tuple[str, tuple[float, ...]], ...]
+    file: str = ""  # of a measured material
 
     @staticmethod
     def of(kind: str, **values: Any) -> Model:
@@ -210,16 +217,23 @@ class Model:
     @staticmethod
     def from_scene(material: Material) -> Model:
         """What the device gets for a material of a scene."""
-        return Model(material.type, tuple(material.parameters()))
+        file = material.file if isinstance(material, Measured) else ""
+        return Model(material.type, tuple(material.parameters()), file)
 
     def record(self) -> np.ndarray:
-        row = np.zeros(1, RECORDS["Material"].dtype)
-        row["kind"] = kind_number("material", self.kind)
-        given = dict(self.values)
-        numbers = [x for name, width in dict(PARAMETERS)[self.kind] for x in given.get(name, (0.0,) * width)]
-        for i, x in enumerate(numbers):
-            row[f"p{i // 4}"][0, i % 4] = x
-        return row
+        """The material's record, and behind it the table of a measured one."""
+        return _record(self)
+
+
+@cache
+def _record(model: Model) -> np.ndarray:
+    row = np.zeros(1, RECORDS["Material"].dtype)
+    row["kind"] = kind_number("material", model.kind)
+    given = dict(model.values)
+    numbers = [x for name, width in dict(PARAMETERS)[model.kind] for x in given.get(name, (0.0,) * width)]
+    for i, x in enumerate(numbers):
+        row[f"p{i // 4}"][0, i % 4] = x
+    return place_tables(row, {0: load_measurement(Path(model.file))} if model.file else {})
 
 
 class Materials:

@@ -1,53 +1,9 @@
-"""OpenCL C of the geometry tests: kernels around the traversal, its parts, and its packet variant."""
+"""OpenCL C of the geometry tests: parts of the traversal beside the probes of cl/, and its packet variant."""
 
 from __future__ import annotations
 
-CLOSEST_KERNEL = """
-#include "accel/traverse.cl"
-VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
-kernel void closest(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global Hit *hits, global uint *met)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
-        return;
-    }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    hits[i] = trace_closest(g, rays[i]);
-    met[i] = (uint)trace_any(g, rays[i]);
-}
-"""
-
-TRACE_KERNELS = (
-    CLOSEST_KERNEL
-    + """
-kernel void surfaces(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global const Hit *hits,
-                     global float4 *out)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= count || hits[i].prim == NONE) {
-        return;
-    }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    const Surface s = surface_of(g, rays[i], hits[i]);
-    const float3 origin = spawn_origin(&s, xyz(out[4u * i]));
-    out[4u * i] = make4(s.p, s.error);
-    out[4u * i + 1u] = make4(s.ng, s.uv.x);
-    out[4u * i + 2u] = make4(s.n, s.uv.y);
-    out[4u * i + 3u] = make4(origin, float_of(s.object));
-}
-
-// Masks of the first node's lanes that rays meet: the slab test alone.
-kernel void boxes(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint *masks)
-{
-    const uint i = (uint)get_global_id(0);
-    TraceRay ray;
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    if (i >= count || !prepare_ray(geometry_extent(g), rays[i], &ray)) {
-        return;
-    }
-    float8 enter;
-    masks[i] = boxes_met8(nodes, slab_ray(ray), ray.t_max, &enter);
-}
+TRACE_KERNELS = """
+#include "probe/trace.cl"
 
 // Depths of the triangles of block 0 by the 8-wide test, and bit for bit the same by the common function?
 kernel void depths(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays, global uint *differing)
@@ -89,26 +45,7 @@ kernel void redone(GEOMETRY_ARGUMENTS, const uint count, global const Ray *rays,
     again[i] = stands(g, &q, &best) ? 0u : 1u;
 }
 #endif
-
-kernel void picked(GEOMETRY_ARGUMENTS, const uint count, const uint shape, global const float4 *from,
-                   global const float4 *numbers, global float4 *out)
-{
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
-        return;
-    }
-    global const Shape *s = shapes + shape;
-    float3 ng;
-    float pdf;
-    float error;
-    const float3 p = shape_sample(s, xyz(from[i]), numbers[i].xy, &ng, &pdf, &error);
-    const float3 wi = normalize3(p - xyz(from[i]));
-    out[3u * i] = make4(p, pdf);
-    out[3u * i + 1u] = make4(ng, error);
-    out[3u * i + 2u] = make4(wi, shape_pdf(s, xyz(from[i]), p, ng, wi));
-}
 """
-)
 
 PACKET_KERNELS = """
 #include "accel/packet.cl"

@@ -280,8 +280,7 @@ def material_checks() -> dict[str, list[Check]]:
     share, both = blend["surface"]["weight"], (colour(blend[name]["reflectance"]) for name in ("paint", "chrome"))
     mixed = sum(weight * part for weight, part in zip((1 - share, share), both, strict=True))
     out["blend"] = [Check(disc, mixed * sky, "L ((1 - w) rho + w R)", NOISY / 4), behind]
-    surface, _ = ball("mirror")
-    out["mirror"] = [Check(disc, colour(surface["reflectance"]) * sky, "R L", EXACT), behind]
+    out["mirror"] = [Check(disc, colour(ball("mirror")[0]["reflectance"]) * sky, "R L", EXACT), behind]
     surface, _ = ball("glossy")
     lobe = ggx_albedo(surface["roughness"], schlick(colour(surface["specular_color"])))
     mixed = (1 - surface["specular"]) * colour(surface["reflectance"]) + surface["specular"] * lobe
@@ -289,6 +288,8 @@ def material_checks() -> dict[str, list[Check]]:
     surface, _ = ball("rough_conductor")
     lobe = ggx_albedo(surface["roughness"], conductor(colour(surface["eta"]), colour(surface["k"])))
     out["rough_conductor"] = [Check(middle, lobe * sky, "L E, E of GGX and Fresnel by quadrature", NOISY), behind]
+    rho = np.pi * np.loadtxt(SCENES / "materials" / ball("measured")[0]["file"], skiprows=5)[0, -1]
+    out["measured"] = [Check(disc, rho * sky, "rho L, rho = pi f of every measurement", NOISY / 4), behind]
     out["dielectric"] = [Check((0, 0, 64, 64), sky, "L: reflected + refracted = 1", 1e-4)]
     out |= coated_checks(ball, middle, behind)
     scene = read("materials/emissive")
@@ -306,9 +307,8 @@ def material_checks() -> dict[str, list[Check]]:
     glass, pane = scene["materials"]["glass"], scene["objects"]["pane"]
     kept = np.exp(-colour(glass["absorption"]) * (pane["max"][2] - pane["min"][2]))
     once = ((glass["ior"] - 1) / (glass["ior"] + 1))**2
-    out["absorbing_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)**2
-                                   * kept / (1 - (once * kept)**2), "L (1 - R)^2 a / (1 - R^2 a^2), a = exp(-s d)",
-                                   NOISY / 2)]
+    out["absorbing_slab"] = [Check((0, 0, 64, 64), colour(scene["materials"]["glow"]["radiance"]) * (1 - once)**2 * kept
+                                   / (1 - (once * kept)**2), "L (1 - R)^2 a / (1 - R^2 a^2), a = exp(-s d)", NOISY / 2)]
     return out
 
 

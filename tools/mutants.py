@@ -1,6 +1,6 @@
 """Deliberate bugs that the tests must catch: puts each in, runs the tests that should fail, prints a table.
 
-    python3 tools/run.py python tools/mutants.py [--only WORD] [--list] [--json FILE]
+    python3 tools/run.py python tools/mutants.py [--only WORD] [--part K/N] [--unchecked] [--list] [--json FILE]
 
 Every entry of tools/mutants.toml changes one place of a copy of the project, never the project itself. A mutant is
 killed when a named test fails, alive when they all pass, stale when its place is not there exactly once, and broken
@@ -55,14 +55,15 @@ class Verdict:
 def main() -> int:
     """Exit code: 0 where every mutant is killed, else 4."""
     wanted = options()
-    mutants = [one for one in load_mutants() if wanted.only in one.name]
+    mutants = [one for one in load_mutants() if wanted.only in one.name or wanted.only in one.tests]
+    mutants = part_of(mutants, wanted.part)
     if wanted.list:
         for one in mutants:
             print(f"{one.name}  ({one.file})")
         return 0
     verdicts = []
     with tempfile.TemporaryDirectory(prefix="raytide-mutants-") as folder:
-        sound = check_unchanged(mutants, Path(folder))
+        sound = "" if wanted.unchecked else check_unchanged(mutants, Path(folder))
         if sound:
             print(f"mutants: without any bug, these fail: {sound}", file=sys.stderr)
             return 4
@@ -77,10 +78,18 @@ def main() -> int:
 
 def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help="names that hold this word")
+    parser.add_argument("--only", default="", help="names that hold this word, or those of this test file")
+    parser.add_argument("--part", default="1/1", help="the K-th of N parts of them, K/N")
+    parser.add_argument("--unchecked", action="store_true", help="do not run the tests without any bug first")
     parser.add_argument("--list", action="store_true", help="print the names and stop")
     parser.add_argument("--json", type=Path, help="write the verdicts to this file")
     return parser.parse_args()
+
+
+def part_of(mutants: list[Mutant], part: str) -> list[Mutant]:
+    """Every N-th from the K-th on, for machines on which commands must end soon."""
+    k, n = (int(word) for word in part.split("/"))
+    return mutants[k - 1 :: n]
 
 
 def load_mutants() -> list[Mutant]:
@@ -105,9 +114,25 @@ def fresh_copy(folder: Path) -> Path:
 
 def check_unchanged(mutants: list[Mutant], folder: Path) -> str:
     """The first failure of all named tests on the project as it is; empty where they pass."""
-    tests = sorted({test for one in mutants for test in one.tests if not test.startswith("-k")})
-    state, by = run_tests(fresh_copy(folder), tests, folder / "cache")
-    return "" if state == "alive" else by
+    copy = fresh_copy(folder)
+    for tests in joined_tests(mutants):
+        state, by = run_tests(copy, tests, folder / "cache")
+        if state != "alive":
+            return by
+    return ""
+
+
+def joined_tests(mutants: list[Mutant]) -> list[list[str]]:
+    """All named tests as few pytest commands: those of whole files, then each file whose tests are picked by -k."""
+    whole = {test for one in mutants if not one.tests[-1].startswith("-k") for test in one.tests}
+    picked: dict[str, list[str]] = {}
+    for one in mutants:
+        if one.tests[-1].startswith("-k"):
+            picked.setdefault(one.tests[0], []).append(one.tests[-1][2:])
+    found = [sorted(whole)] if whole else []
+    picked = {file: words for file, words in picked.items() if file not in whole}
+    found += [[file, "-k" + " or ".join(f"({word})" for word in sorted(set(words)))] for file, words in picked.items()]
+    return found
 
 
 def judge(mutant: Mutant, folder: Path) -> Verdict:

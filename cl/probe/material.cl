@@ -1,7 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/vector.cl"
 #include "dispatch/material.cl"
-// The functions that shading calls of each material, laid open; one material for all items. Race rule: an item a row.
+// The functions that shading calls of each material, laid open; one material for all items, its table behind it. Race rule: an item a row.
 
 VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void probe_sample(const uint count, global const Material *material, global const float4 *wo,
@@ -11,7 +11,7 @@ kernel void probe_sample(const uint count, global const Material *material, glob
     if (i >= count) {
         return;
     }
-    const BsdfSample s = material_sample(material, xyz(wo[i]), u[i]);
+    const BsdfSample s = material_sample(material TABLES(material), xyz(wo[i]), u[i]);
     direction[i] = make4(s.wi, s.pdf);
     weight[i] = make4(s.weight, (float)s.flags);
 }
@@ -24,6 +24,6 @@ kernel void probe_eval(const uint count, global const Material *material, global
     if (i >= count) {
         return;
     }
-    const BsdfValue both = material_value(material, xyz(wo[i]), xyz(wi[i]));
+    const BsdfValue both = material_value(material TABLES(material), xyz(wo[i]), xyz(wi[i]));
     value[i] = make4(both.value, both.pdf);
 }

@@ -1,5 +1,6 @@
-// Divisors and roots with the errors that OpenCL allows (full profile, single precision: quotients 2.5 ulp, roots 3):
-// what `raytide verify` makes of every `/` and square root, to show on an exact processor what others will do. The
+// Results with the errors that OpenCL allows (full profile, single precision: quotients 2.5 ulp, roots 3, sines 4,
+// exponentials and logarithms 3): what `raytide verify` makes of every `/` and square root, and of raytide's own sines,
+// exponentials and logarithms, to show on an exact processor what others will do. The
 // error follows the digits alone, so that it is the same at every scale. Not for renders.
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -14,6 +15,8 @@ static float wrong_by(const float x, const float most)
 }
 
 static float worse_root(const float x) { return wrong_by(x, 2.5f); }
+static float worse_sine(const float x) { return wrong_by(x, 4.0f); }
+static float worse_power(const float x) { return wrong_by(x, 3.0f); }
 
 __attribute__((overloadable)) static float worse(const float x) { return wrong_by(x, 2.0f); }
 __attribute__((overloadable)) static float2 worse(const float2 x) { return (float2)(worse(x.x), worse(x.y)); }

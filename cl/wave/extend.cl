@@ -2,6 +2,7 @@
 #include "base/portable.cl"
 #include "accel/geometry.cl"
 #include "accel/traverse.cl"
+#include "wave/path.cl"
 
 // Closest hit of every queued ray, ITEM_RAYS an item. Race rule: slots in a queue are distinct, and each item writes only
 // the hits of its own rays.
@@ -18,6 +19,9 @@ kernel void extend(GEOMETRY_ARGUMENTS, global const uint *queue, const uint firs
     const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
     for (uint i = begin; i < end; i++) {
         const uint slot = queue[first + i];
+        const uint later = queue[first + (i + LOOK_AHEAD < count ? i + LOOK_AHEAD : i)];
+        PREFETCH(rays + later);
+        PREFETCH(hits + later);
         hits[slot] = closest_within(g, extent, rays[slot]);
     }
 }

@@ -83,12 +83,15 @@ static NestedSides nested_sides(const PathVertex *v, const uint4 media)
     return out;
 }
 
+#endif
+
 // Settles what a boundary parts: *v gets the medium before it and the ratio of both indices. Returns whether the path is
 // done here: it goes straight on through a boundary that is not there, or is inside too many bodies to be told apart.
 static int settle_nested(global const Material *materials, PathVertex *v, const Ray ray, const uint4 path,
                          const uint slot, global Ray *rays, global float4 *throughput, global uint4 *paths,
-                         global uint4 *all_media, global uint *status, global float4 *samples)
+                         global uint *status, global float4 *samples MEDIA_ARGUMENT)
 {
+#if HAS_NESTED
     const uint rank = v->material.flags >> MATERIAL_RANK_SHIFT;
     v->front = 0u;
     v->ranked = rank != 0u || rank_of(materials, v->medium) != 0u;
@@ -114,14 +117,18 @@ static int settle_nested(global const Material *materials, PathVertex *v, const 
     paths[slot] = onward;
     *status = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
     return 1;
+#else
+    return 0;
+#endif
 }
 
-// Notes the bodies around a path that goes on to the front (or back) of the vertex.
-static void note_media(const PathVertex *v, const int to_front, const uint slot, global uint4 *all_media)
+// Notes the bodies around a path that goes on.
+static void note_media(const PathVertex *v, const NextRay *onward, const uint slot MEDIA_ARGUMENT)
 {
+#if HAS_NESTED
     if (v->material.flags >> MATERIAL_RANK_SHIFT) {
         const NestedSides sides = nested_sides(v, all_media[slot]);
-        all_media[slot] = to_front ? sides.front : sides.behind;
+        all_media[slot] = onward->to_front ? sides.front : sides.behind;
     }
-}
 #endif
+}

@@ -18,8 +18,10 @@
 // The clear bodies that a path is inside of (wave/nested.cl), where they may overlap.
 #if HAS_NESTED
 #define MEDIA_ARGUMENT , global uint4 *all_media
+#define MEDIA , all_media
 #else
 #define MEDIA_ARGUMENT
+#define MEDIA
 #endif
 
 #define MEDIA_OVERFLOW -1.0f  // w of a sample whose path was inside too many bodies

@@ -11,9 +11,31 @@
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
+#include "wave/fault.cl"
 #include "wave/vertex.cl"
 #include "wave/pass.cl"
 #include "wave/nested.cl"
+
+static void prefetch_slot(const uint slot, global const Ray *rays, global const Hit *hits, global const uint4 *paths,
+                          global const float4 *throughput)
+{
+    PREFETCH(rays + slot);
+    PREFETCH(hits + slot);
+    PREFETCH(paths + slot);
+    PREFETCH(throughput + slot);
+}
+
+// Puts the next ray into the path's slot.
+static void go_on(const NextRay *onward, const uint slot, const uint4 path, global Ray *rays,
+                  global float4 *throughput, global uint4 *paths SCATTERINGS_ARGUMENT)
+{
+    const uint edges = (path.y & PATH_EDGES) + 1u;
+    rays[slot] = onward->ray;
+    throughput[slot] = onward->state;
+    note_scattering(slot, onward->ray SCATTERINGS);
+    paths[slot] = (uint4)(path.x, edges | (onward->delta ? PATH_DELTA : 0u) | (onward->medium << PATH_MEDIUM_SHIFT),
+                          path.z, path.w);
+}
 
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
@@ -23,7 +45,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
                   global const Light *light_table LIGHT_TREE_ARGUMENTS, global const Settings *settings,
                   global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
                   global float4 *throughput, global uint4 *paths, global uint *status, global Ray *shadow_rays,
-                  global float4 *shadow_light, global float4 *samples SCATTERINGS_ARGUMENT
+                  global float4 *shadow_light, global float4 *samples, global uint *faults SCATTERINGS_ARGUMENT
                   MEDIA_ARGUMENT)
 {
     const uint i = (uint)get_global_id(0);
@@ -32,14 +54,10 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     }
     const Geometry g = GEOMETRY_AND_TEXTURES;
     const uint slot = queue[i];
-    const uint later = queue[i + LOOK_AHEAD < count ? i + LOOK_AHEAD : i];
-    PREFETCH(rays + later);
-    PREFETCH(hits + later);
-    PREFETCH(paths + later);
-    PREFETCH(throughput + later);
+    prefetch_slot(queue[i + LOOK_AHEAD < count ? i + LOOK_AHEAD : i], rays, hits, paths, throughput);
     Ray ray = rays[slot];
     const Hit hit = hits[slot];
-    uint4 path = paths[slot];
+    const uint4 path = paths[slot];
     const float4 state = throughput[slot];
     const uint edge = path.y & PATH_EDGES;
     status[i] = 0u;
@@ -48,23 +66,26 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     }
     const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
     if (hit.prim == NONE) {
+        if (edge == 1u) {
+            check_ray(faults, xyz(state), ray, FAULT_CAMERA, edge, samples + path.x);
+        }
 #if HAS_SKY
         const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
-        samples[path.x] += make4(environment_seen(lights, before, settings, g, ray, path.y, state), 0.0f);
+        const float3 seen = environment_seen(lights, before, settings, g, ray, path.y, state);
+        samples[path.x] += told(faults, seen, 0.0f, FAULT_SKY, edge);
 #endif
         return;
     }
     PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, state);
-#if HAS_NESTED
-    if (settle_nested(materials, &vertex, ray, path, slot, rays, throughput, paths, all_media, status + i, samples)) {
+    if (settle_nested(materials, &vertex, ray, path, slot, rays, throughput, paths, status + i, samples MEDIA)) {
         return;
     }
-#endif
     const int passed = pass_on(g, objects, materials, settings, &vertex, &ray, path, slot, rays, throughput,
                                status + i SCATTERINGS);
     if (is_light(objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory
         const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
-        samples[path.x] += make4(emission_seen(lights, before, settings, g, objects, vertex, ray, hit, path.y), 1.0f);
+        const float3 seen = emission_seen(lights, before, settings, g, objects, vertex, ray, hit, path.y);
+        samples[path.x] += told(faults, seen, 1.0f, FAULT_EMISSION, edge);
     }
 #if HAS_LOCAL
     const int last = passed;  // reflection_depth alone ends these paths
@@ -82,11 +103,12 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const ShadowRay direct = sample_direct(lights, settings, g, materials, &vertex, both.lo, slot LEFT_NORMALS);
 #if HAS_LOCAL
     const int asks = direct.valid && settings->shadows;
-    samples[path.x] += make4(direct.valid && !asks ? direct.light : (float3)(0.0f), 0.0f);
+    samples[path.x] += told(faults, direct.valid && !asks ? direct.light : (float3)(0.0f), 0.0f, FAULT_DIRECT, edge);
 #else
     const int asks = direct.valid;
 #endif
     if (asks) {
+        check_ray(faults, direct.light, direct.ray, FAULT_DIRECT, edge, samples + path.x);
         shadow_rays[slot] = direct.ray;
         shadow_light[slot] = make4(direct.light, float_of(path.x));
         next |= STATUS_SHADOW;
@@ -96,14 +118,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #endif
     const NextRay onward = sample_onward(settings, &vertex, edge, u);
     if (onward.valid) {
-        rays[slot] = onward.ray;
-        throughput[slot] = onward.state;
-        note_scattering(slot, onward.ray SCATTERINGS);
-#if HAS_NESTED
-        note_media(&vertex, onward.to_front, slot, all_media);
-#endif
-        path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u) | (onward.medium << PATH_MEDIUM_SHIFT);
-        paths[slot] = path;
+        check_ray(faults, xyz(onward.state), onward.ray, FAULT_ONWARD, edge, samples + path.x);
+        note_media(&vertex, &onward, slot MEDIA);
+        go_on(&onward, slot, path, rays, throughput, paths SCATTERINGS);
         next |= STATUS_ALIVE;
     }
     status[i] = next | (edge << STATUS_EDGES_SHIFT);

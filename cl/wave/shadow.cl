@@ -4,13 +4,17 @@
 #include "accel/geometry.cl"
 #include "accel/traverse.cl"
 #include "accel/unblocked.cl"
+#include "wave/path.cl"
 
 // Adds the light of every queued shadow ray that meets nothing, or what comes through, to its sample, whose index is in
-// the light's w; an item takes ITEM_RAYS. Race rule: slots in a queue are distinct, and no two of them share a sample.
+// the light's w; an item takes ITEM_RAYS. How many there are, the compaction knows: the host launches enough items
+// without waiting for it. Race rule: slots in a queue are distinct, and no two of them share a sample.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
-kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue, const uint count,
-                   global const Ray *shadow_rays, global const float4 *shadow_light, global float4 *samples)
+kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
+                   global const uint *counters, global const Ray *shadow_rays, global const float4 *shadow_light,
+                   global float4 *samples)
 {
+    const uint count = counters[COUNTER_SHADOW];
     const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
     if (begin >= count) {
         return;
@@ -20,6 +24,9 @@ kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue, 
     const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
     for (uint i = begin; i < end; i++) {
         const uint slot = queue[i];
+        const uint later = queue[i + LOOK_AHEAD < count ? i + LOOK_AHEAD : i];
+        PREFETCH(shadow_rays + later);
+        PREFETCH(shadow_light + later);
 #if HAS_OPACITY
         const float share = share_unblocked(g, extent, objects, materials, shadow_rays[slot]);
         if (share > 0.0f) {

@@ -8,9 +8,11 @@
 // `shadow` for queues in which 64 neighbouring rays nearly agree: an item takes 64 of them.
 // Race rule: slots in a queue are distinct, and no two of them share a sample.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(4, 1, 1)))
-kernel void shadow_packet(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue, const uint count,
-                          global const Ray *shadow_rays, global const float4 *shadow_light, global float4 *samples)
+kernel void shadow_packet(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
+                          global const uint *counters, global const Ray *shadow_rays,
+                          global const float4 *shadow_light, global float4 *samples)
 {
+    const uint count = counters[COUNTER_SHADOW];
     const uint begin = (uint)get_global_id(0) * PACKET_RAYS;
     if (begin >= count) {
         return;

@@ -32,6 +32,9 @@ typedef struct {
 #else
     global const Material *material;
 #endif
+#if HAS_MEASURED
+    global const Material *tables;  // behind the records
+#endif
     uint number;    // of the material
     uint medium;    // absorbing material that the path came through: its number + 1; 0: none
 #if HAS_NESTED
@@ -118,6 +121,9 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.material = *material;
 #else
     v.material = material;
+#endif
+#if HAS_MEASURED
+    v.tables = materials;
 #endif
     const float3 wo = -renormalize3(xyz(ray.direction));
     v.cos_o = dot3(wo, v.surface.ng);
@@ -264,6 +270,16 @@ static float3 emission_seen(const Lights lights, const LightPlace from, global c
 #endif
 }
 
+// What stands for a direction that is no number: a ray without a way, which carries NaN, so that it is counted and its
+// sample left out (wave/fault.cl). Simply ending the path would be black.
+static Ray no_way(void)
+{
+    Ray out;
+    out.origin = (float4)(0.0f);
+    out.direction = (float4)(float_of(0x7fc00000u));
+    return out;
+}
+
 // Where the vertex asks for light: the side that it must come from, too, unless light passes the surface. Kept for the
 // light that the path meets next, which asks how likely it was to be picked from here.
 static LightPlace light_place_of(const PathVertex *v, const uint slot LEFT_NORMALS_ARGUMENT)
@@ -295,6 +311,9 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
     const float pdf = light.pdf * pick_pdf;
     const float same_side = dot3(wi, v->normal) * (v->wo.z < 0.0f ? -wi_local.z : wi_local.z);
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
+        out.valid = pdf != pdf || (pdf > 0.0f && same_side != same_side);
+        out.ray = no_way();
+        out.light = (float3)(out.ray.direction.x);
         return out;
     }
 #if HAS_NESTED
@@ -302,7 +321,7 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
         return out;  // boundaries that are not there would stop it: light inside a body is left to chance
     }
 #endif
-    BsdfValue bsdf = material_value(material_of(v), v->wo, wi_local);
+    BsdfValue bsdf = material_value(material_of(v) TABLES(v->tables), v->wo, wi_local);
 #if HAS_RELIEF
     bsdf.value = bsdf.value * relief_shadow(v->roughening, dot3(v->level, wi));
 #endif
@@ -325,12 +344,17 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
 {
     NextRay out;
     out.valid = 0;
-    const BsdfSample bsdf = material_sample(material_of(v), v->wo, u);
-    if (!(bsdf.pdf > 0.0f)) {
-        return out;
-    }
+    const BsdfSample bsdf = material_sample(material_of(v) TABLES(v->tables), v->wo, u);
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
+    if (!(bsdf.pdf > 0.0f) || side != side) {
+        out.valid = bsdf.pdf != bsdf.pdf || (bsdf.pdf > 0.0f && side != side);
+        out.ray = no_way();
+        out.state = out.ray.direction;
+        out.medium = 0u;
+        out.delta = 0;
+        return out;
+    }
     const int passes = (bsdf.flags & BSDF_TRANSMIT) ? side < 0.0f : side > 0.0f;
     out.medium = medium_ahead(v, bsdf.wi.z);
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;

@@ -16,8 +16,8 @@ from typing import Any
 
 _HOMES = {
     "raytide.scene": (
-        "Blend Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Mesh Mirror Orthographic Plane "
-        "Plastic Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere "
+        "Blend Box Camera Conductor Dielectric Diffuse Disk Emit Glossy Instance Measured Mesh Mirror Orthographic "
+        "Plane Plastic Principled Rectangle RenderSettings RoughConductor RoughDielectric RoughPlastic Scene Sphere "
         "ThinDielectric ThinFilm ThinLens bitmap box checkerboard directional disk instance load mesh "
         "mesh_attribute plane point projector rect sky sphere spot sun_sky"
     ),

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import mmap
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,6 +57,31 @@ def test_what_goes_in_comes_out(device: Device) -> None:
     assert device.read(buffer, np.float32, 4, offset=4).tolist() == [1.0, -1.0, -1.0, -1.0]
     device.write(buffer, numbers.T[:2])  # not contiguous
     assert device.read(buffer, np.float32, 20).tolist() == numbers.T[:2].ravel().tolist()
+
+
+def test_a_read_for_later_knows_nothing_of_later_launches(device: Device, program: Program) -> None:
+    buffer = device.upload(np.zeros(64, np.uint32))
+    device.launch(program, "count_up", 64, 64, buffer, np.uint32(64), np.float32(0))
+    once = device.read_later(buffer, np.uint32, 64)
+    device.launch(program, "count_up", 64, 64, buffer, np.uint32(64), np.float32(0))
+    assert device.read(buffer, np.uint32, 64).tolist() == [2 * i for i in range(64)]
+    assert once().tolist() == list(range(64)) and once().tolist() == list(range(64))
+
+
+def test_big_buffers_of_cpus_lie_where_large_pages_were_asked_for(device: Device) -> None:
+    """48 MiB, more than the C library ever takes from a heap, in a mapping that Linux marks "hg"."""
+    mappings = Path("/proc/self/smaps")
+    if device.info.type != "cpu" or not hasattr(mmap, "MADV_HUGEPAGE") or not mappings.exists():
+        pytest.skip("no such pages")
+
+    def asked() -> int:
+        parts = re.findall(r"Size: +([0-9]+) kB(?:.*\n)*?VmFlags:(.*)", mappings.read_text())
+        return sum(int(size) << 10 for size, flags in parts if " hg" in flags)
+
+    before, numbers = asked(), np.arange(12 << 20, dtype=np.uint32)
+    buffer = device.upload(numbers)
+    assert np.array_equal(device.read(buffer, np.uint32, len(numbers)), numbers)
+    assert asked() - before >= numbers.nbytes - 8192
 
 
 def test_fill_writes_its_pattern_and_nothing_beside_it(device: Device) -> None:

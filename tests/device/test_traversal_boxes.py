@@ -27,7 +27,7 @@ def masks(device: object, boxes: np.ndarray, rays: np.ndarray) -> np.ndarray:
     """Which of the boxes (n, 2, 3) each ray meets: bit masks."""
     something = soup(np.ones((1, 3, 3)))
     return tracer(device, something, (node_of(np.asarray(boxes, np.float32)), simple_tree(something)[1])).words(
-        "boxes", rays
+        "probe_boxes", rays
     )
 
 

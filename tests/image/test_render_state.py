@@ -119,6 +119,18 @@ def test_wave_times_add_up_to_the_rays_they_traced(device: Device) -> None:
         assert all(row["s"] > 0 and row["launches"] > 0 for row in rows)
 
 
+def test_a_host_that_waits_for_the_number_of_shadow_rays_gets_the_same(device: Device) -> None:
+    """Launches of shadow rays that the host sizes by what the device counted, and by what there may be at most."""
+    films, rays = [], []
+    for observe in (None, lambda *_: None):
+        with rt.Renderer(scene(), device, spp=16, memory=200_000, traversal="single") as renderer:
+            renderer.waves.observe = observe
+            films.append(renderer.render().rgb)
+            rays.append({name: row["rays"] for name, row in renderer.report()["waves"].items() if "rays" in row})
+    assert np.array_equal(*films)
+    assert rays[0] == rays[1] and any(name.startswith("shadow") for name in rays[0])
+
+
 @pytest.mark.parametrize("bad", [{"size": (0, 4)}, {"size": (2.5, 3)}, {"spp": 0}, {"spp": 2.5}, {"max_depth": "a"}])
 def test_settings_are_checked_as_in_a_scene_file(device: Device, bad: dict[str, object]) -> None:
     with pytest.raises(SceneError):

@@ -122,7 +122,8 @@ def test_too_many_excluded_samples_exit_4_with_the_picture_kept(
     monkeypatch.setattr(fake, "excluded", 1)  # 1 of 1601 is too many, none is fine
     assert main(["render", "scene.toml", "-o", "a.exr"]) == 4
     assert Path("a.exr").exists()
-    assert "1 of 1601" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert "1 of 1601" in err and "they come from sky[3] non_finite (7), direct[1] negative (2)" in err
 
 
 def test_log_json_makes_every_stderr_line_json(

@@ -28,6 +28,7 @@ SAMPLES = {
     "thin_film": rt.ThinFilm(300.0, ior=1.5),
     "thin_dielectric": rt.ThinDielectric(1.5),
     "dielectric": rt.Dielectric(1.5, exterior_ior=1.25),
+    "measured": rt.Measured("paint.brdf"),
     "blend": rt.Blend("one", second="other", weight=0.25),
 }
 
@@ -81,7 +82,7 @@ def test_every_key_has_a_line_of_help() -> None:
 def test_defaults_pass_their_own_check(tmp_path: Path) -> None:
     for name, options in kinds()["materials"].items():
         keys = {option.key: option.default for option in options if option.default is not None}
-        if name in ("emissive", "conductor", "rough_conductor", "thin_film", "blend"):
+        if name in ("emissive", "conductor", "rough_conductor", "thin_film", "blend", "measured"):
             continue  # these have keys without a default
         assert MATERIALS[name](**keys) == MATERIALS[name]()
 

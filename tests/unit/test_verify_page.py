@@ -24,5 +24,8 @@ def test_costs_and_another_device_have_sections_where_they_were_measured() -> No
     cost = {"form": "as it is", "ns_per_ray": 165.0, "leaks": (0, 0, 1, 2), "rays": 1000, "t_error": 1e-7}
     other = {"scene": "room", "other_bits": 0.5, "diverged": 0.0, "energy_ratio": 1.0, "wave": "primary",
              "kernel": "camera", "rays": 0.25}  # fmt: skip
-    made = document(result(costs=[cost], against=[other], other="intel/cpu0"))
+    peers = [{"peer": "embree", "version": "4.4.0", "leaks": (0, 16411, 0, 0), "rays": 1000, "reason": ""},
+             {"peer": "mitsuba", "version": "", "leaks": (), "rays": 0, "reason": "not installed"}]  # fmt: skip
+    made = document(result(costs=[cost], peers=peers, against=[other], other="intel/cpu0"))
+    assert "embree 4.4.0" in made and "16411" in made.replace(",", "") and "mitsuba" not in made
     assert "What stability costs" in made and "165" in made and "intel/cpu0" in made and "primary" in made

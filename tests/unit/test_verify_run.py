@@ -14,6 +14,7 @@ import pytest
 from raytide.cli.main import main
 from raytide.cli.verify import earlier
 from raytide.errors import DeviceError, UsageError
+from raytide.kernels.paths import kernel_dir
 from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, replay, run_cases
 from raytide.verify.case import Judged, bounded, case, forbidden
 from raytide.verify.variants import contracted, variant_named, worse
@@ -87,11 +88,6 @@ def test_the_catalogue_is_whole() -> None:
     assert all(one.title and one.bar for one in CASES.values())
 
 
-def test_a_case_that_waits_is_skipped_and_never_holds() -> None:
-    found = judge_case(CASES["M12"], LAB)
-    assert (found.state, found.inputs) == ("skipped", 0) and "not built yet" in found.reason
-
-
 def test_worse_arithmetic_reaches_every_divisor_and_no_constant() -> None:
     text = "float f(float a, float b) { a /= b.x; return a / (b + a / g(b)[1]) / 3.0f / TILE; } // a / b\n"
     assert "a /= worse(b.x)" in worse(text) and "a / worse((b + a / worse(g(b)[1])))" in worse(text)
@@ -99,6 +95,12 @@ def test_worse_arithmetic_reaches_every_divisor_and_no_constant() -> None:
     assert "#pragma OPENCL FP_CONTRACT ON" in contracted("#pragma OPENCL FP_CONTRACT OFF\n")
     with pytest.raises(UsageError, match="flushed"):
         variant_named("nonsense")
+
+
+def test_worse_arithmetic_reaches_sines_exponentials_and_logarithms() -> None:
+    text = worse("".join((kernel_dir() / "base" / name).read_text() for name in ("math.cl", "special.cl")))
+    assert "*s = worse_sine(fma_of(x * z, p, x));" in text and "*c = worse_sine(" in text
+    assert text.count("const float result = worse_power(") == 2
 
 
 def test_a_file_that_is_no_verdict_is_refused(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 TRACE = ("wall_s", "device_s", "spp", "rays", "relmse", "relmse_low", "relmse_high")
 MOST_EXCLUDED = 1e-4  # share of samples that may be left out as non-finite or negative before the picture is invalid
+
+MOST_ORIGINS = 4  # named in a message
 
 
 def save(job: Job, film: Film) -> None:
@@ -87,4 +90,11 @@ def check_health(film: Film) -> None:
         raise ImageInvalid(
             f"{excluded} of {total} samples were non-finite, negative or inside too many bodies and were left out; "
             f"the picture was written but must not be trusted (limit {MOST_EXCLUDED:.0e} of the samples)"
+            f"{origin_words(film.faults)}"
         )
+
+
+def origin_words(faults: Mapping[str, int]) -> str:
+    """Where unsound values came from, the most frequent ones; empty where nothing is known."""
+    most = sorted(faults.items(), key=lambda item: -item[1])[:MOST_ORIGINS]
+    return f"; they come from {', '.join(f'{label} ({count})' for label, count in most)}" if most else ""

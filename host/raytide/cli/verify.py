@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from raytide.verify import Case, Verdict
 
 Flag = Annotated[bool, Parameter(negative="")]
+Paths = list[Path] | None  # before a parameter of that name hides `list`
 SHORT = 4
 MOST_FIGURES = 24  # of a case that falls short; where it has more, those of the trials that do
 
@@ -33,6 +34,7 @@ def verify(
     replay: Path | None = None,
     against: str | None = None,
     cost: Flag = False,
+    peers: Paths = None,
     fuzz: int | None = None,
     list: Flag = False,
     threads: int | None = None,
@@ -60,7 +62,10 @@ def verify(
     against
         Part of another device's id: compare the same samples on both, scene by scene, in place of the cases.
     cost
-        Measure ns a ray, leaks and errors of every form of the triangle test, in place of the cases.
+        Measure ns a ray, leaks and errors of every form of the triangle test, in place of the cases; and the leaks of
+        Embree (embreex) and Mitsuba, where they are installed.
+    peers
+        With --cost: a Python that has embreex or mitsuba; may be repeated. By default the one that runs raytide.
     fuzz
         Render so many scenes of extremes, in place of the cases.
     list
@@ -69,9 +74,11 @@ def verify(
         Threads of a CPU device.
     """
     cases = cases_of(group, case, quick, full, fuzz, bool(cost or against))
+    if peers and not cost:
+        raise UsageError("--peers: came without --cost; wanted both")
     if list:
         return listed(cases)
-    return tried(cases, device, threads, full, json, html, replay, case, against, cost)
+    return tried(cases, device, threads, full, json, html, replay, case, against, (peers or []) if cost else None)
 
 
 def cases_of(group: str | None, case: str | None, quick: bool, full: bool, fuzz: int | None, none: bool) -> list[Case]:
@@ -96,9 +103,9 @@ def listed(cases: Sequence[Case]) -> int:
 
 def tried(
     cases: Sequence[Case], device: str | None, threads: int | None, full: bool, json: Path | None, html: Path | None,
-    replay: Path | None, case: str | None, against: str | None, cost: bool,
+    replay: Path | None, case: str | None, against: str | None, cost: Sequence[Path] | None,
 ) -> int:  # fmt: skip
-    """Runs what was asked for, writes the files, and gives the exit code."""
+    """Runs what was asked for, writes the files, and gives the exit code. `cost`: the peers' Pythons, or None."""
     from raytide.cli.options import check_outputs
     from raytide.device import open_device
     from raytide.verify import run_cases
@@ -113,16 +120,17 @@ def tried(
         result: dict[str, Any] = {"schema": "raytide.verify/1", "size": size_of(full)}
         result |= {"device": opened.info.as_dict() | {"options": [*opened.options]}}
         result |= {"verdicts": [asdict(one) for one in verdicts]}
-        result |= cost_rows(lab) if cost else {}
+        result |= cost_rows(lab, cost) if cost is not None else {}
         result |= against_rows(lab, against) if against else {}
         lab.close()
     write(json, html, result)
     return conclude(verdicts) if verdicts else 0
 
 
-def cost_rows(lab: Any) -> dict[str, Any]:
-    """Every form of the triangle test, printed as it comes."""
+def cost_rows(lab: Any, pythons: Sequence[Path]) -> dict[str, Any]:
+    """Every form of the triangle test, then the peers that these have, printed as they come."""
     from raytide.verify.cost import Cost, costs
+    from raytide.verify.peers import Leaks, peer_leaks
 
     def show(one: Cost) -> None:
         leaks = ", ".join(f"{n}" for n in one.leaks)
@@ -130,8 +138,14 @@ def cost_rows(lab: Any) -> dict[str, Any]:
               flush=True)  # fmt: skip
 
     print("leaks at edges, at vertices, both 268 km away; error of t: 99th percentile")
+    def show_peer(one: Leaks) -> None:
+        leaks = ", ".join(f"{n}" for n in one.leaks)
+        words = f"leaks {leaks} of {one.rays:,}" if one.leaks else f"not asked: {one.reason}"
+        print(f"{one.peer + ' ' + one.version:52} {words}", flush=True)
+
     found = costs(lab, show, lambda form, why: print(f"{form:52} not built: {why.splitlines()[0]}"))
-    return {"costs": [asdict(one) for one in found]}
+    peers = peer_leaks(lab, pythons, show_peer)
+    return {"costs": [asdict(one) for one in found], "peers": [asdict(one) for one in peers]}
 
 
 def against_rows(lab: Any, wanted: str) -> dict[str, Any]:

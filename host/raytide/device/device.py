@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import TracebackType
 from typing import Any
@@ -17,6 +17,7 @@ from raytide.device.compile import build_options
 from raytide.device.failure import OpenCLFailure, failure, human
 from raytide.device.info import DeviceInfo
 from raytide.device.memory import Buffer, Ledger
+from raytide.device.pages import ask_for_large_pages
 from raytide.device.probe import ProbeResult, load_probe, probe_source, run_probe
 
 
@@ -49,6 +50,7 @@ class Device:
             self.info = replace(info, compute_units=handle.max_compute_units)
             self._context = cl.Context([handle])
             self._queue = cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+            self._aside = cl.CommandQueue(self._context)  # for what must not wait for launches
         except cl.Error as error:
             raise failure(error, "opening the device", info) from None
         self._builder = Builder(cl, self._context, handle, info, self.options)
@@ -86,7 +88,10 @@ class Device:
 
     def empty(self, nbytes: int) -> Buffer:
         """A buffer with undefined contents; 0 bytes give a valid dummy."""
-        return self._ledger.new(int(nbytes))
+        buffer = self._ledger.new(int(nbytes))
+        if self.info.type == "cpu":
+            ask_for_large_pages(self._cl, self._aside, buffer.handle, buffer.nbytes)
+        return buffer
 
     def upload(self, array: np.ndarray) -> Buffer:
         """A buffer with a copy of `array`."""
@@ -108,6 +113,27 @@ class Device:
         if array.nbytes:
             self._enqueue(f"a read of {human(array.nbytes)}", array, buffer.handle, src_offset=offset)
         return array
+
+    def read_later(self, buffer: Buffer, dtype: Any, count: int) -> Callable[[], np.ndarray]:
+        """The first `count` elements of `dtype` as they will be after all launches so far; what comes back waits for
+        them, and for nothing that is launched after this call."""
+        array = np.empty(int(count), np.dtype(dtype))
+        _check_span("read", buffer, 0, array.nbytes)
+        doing = f"a read of {human(array.nbytes)}"
+        try:
+            event = self._cl.enqueue_copy(self._queue, array, buffer.handle, is_blocking=False)
+            self._queue.flush()
+        except self._cl.Error as error:
+            raise failure(error, doing, self.info) from None
+
+        def wait() -> np.ndarray:
+            try:
+                event.wait()
+            except self._cl.Error as error:
+                raise failure(error, doing, self.info) from None
+            return array
+
+        return wait
 
     def _enqueue(self, doing: str, target: Any, source: Any, **offset: int) -> None:
         try:

@@ -9,6 +9,7 @@ TILE_GROUP = 4  # and where each traces TILE rays
 FILM_BLOCK = 64  # neighbouring sample numbers of a pixel that the film sums by themselves; a power of two
 PARTITION_CHUNK = 1024  # queue items that one work-item of the compaction counts
 EDGE_BINS = 16  # path edges 1..15 are counted apart, 16 and more together
+COUNTER_SHADOW = 1
 COUNTER_EDGES = 2  # counters: alive and shadow rays in all, then both by edges
 COUNTERS = COUNTER_EDGES + 2 * EDGE_BINS
 TRANSMITS = 1  # flag of a material record: light passes, so that the material tells the front from the back
@@ -19,6 +20,9 @@ SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing w
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 RANK_SHIFT = 16  # bits of a material record's flags from here on: its rank among bodies that overlap; 0: none
 HEALTH = ("non_finite", "negative", "too_nested")  # why samples are left out, in the order of their counters
+# What `shade` computes and looks at: unsound values are counted by origin, cause and path edge (wave/fault.cl).
+FAULTS = ("camera", "sky", "emission", "direct", "onward")
+FAULT_COUNTERS = len(FAULTS) * len(HEALTH) * EDGE_BINS
 
 SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY = 4, 5, 6  # widths of slots that are no parameter: maps of relief, opacity
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
@@ -37,6 +41,7 @@ _UNSIGNED = {
     "FILM_BLOCK": FILM_BLOCK,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
+    "COUNTER_SHADOW": COUNTER_SHADOW,
     "COUNTER_EDGES": COUNTER_EDGES,
     "SLOT_NORMALS": SLOT_NORMALS,
     "SLOT_HEIGHTS": SLOT_HEIGHTS,
@@ -53,6 +58,8 @@ _UNSIGNED = {
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
     **{f"PROBE_{name.upper()}": place for place, name in enumerate(PROBES)},
     **{f"HEALTH_{cause.upper()}": place for place, cause in enumerate(HEALTH)},
+    "HEALTH_CAUSES": len(HEALTH),
+    **{f"FAULT_{origin.upper()}": place for place, origin in enumerate(FAULTS)},
 }
 
 

@@ -5,9 +5,10 @@ Adding a material, shape or light touches nothing here: its file in `cl/` and it
 
 from __future__ import annotations
 
-from raytide.kernels.features import SKIES, Features
+from raytide.kernels.features import SKIES, Features, Parameters
 from raytide.kernels.records import MATERIAL_FLOATS
 
+TABLE = "table"  # the parameter that holds the place of a material's table [records]
 _TYPES = {1: "float", 3: "float3", 4: "float4"}
 _MATERIAL_FUNCTIONS = {
     # name: (return type, further parameters, further arguments, value where the kind is unknown)
@@ -38,30 +39,54 @@ def parameters_text(features: Features) -> str:
     """One struct and one loader for each material kind present; loads the record's floats in declared order."""
     # Once textures have scaled them, the parameters at a point of a surface are a copy of the item's own.
     out = [f"#define MATERIAL_SPACE {'private' if features.switches()['copied'] else 'global'}\n"]
+    # Where the tables of measured materials stand: behind the records, addressed from the first of these.
+    tables = features.switches()["measured"]
+    out.append(f"#define TABLES_ARGUMENT {', global const Material *tables' if tables else ''}\n")
+    out.append(f"#define TABLES(materials) {', materials' if tables else ''}\n")
     for kind, parameters in features.materials:
         members, loads, place = [], [], 0
         for name, width in parameters:
             if width not in _TYPES:
                 raise ValueError(f"{kind}.{name}: a parameter has 1, 3 or 4 floats, not {width}")
-            members.append(f"    {_TYPES[width]} {name};")
+            table = name == TABLE
+            members.append(f"    {'global const float *' if table else _TYPES[width] + ' '}{name};")
             words = ", ".join(f"m->p{i // 4}.s{i % 4}" for i in range(place, place + width))
-            loads.append(f"    out.{name} = {words if width == 1 else f'({_TYPES[width]})({words})'};")
+            value = words if width == 1 else f"({_TYPES[width]})({words})"
+            loads.append(f"    out.{name} = {f'(global const float *)(tables + (uint){words})' if table else value};")
             place += width
         if place > MATERIAL_FLOATS:
             raise ValueError(f"material {kind} has {place} floats; a record holds {MATERIAL_FLOATS}")
         name = type_name(kind)
         out.append(
             f"typedef struct {{\n{chr(10).join(members)}\n}} {name};\n"
-            f"static {name} load_{kind}(MATERIAL_SPACE const Material *m)\n{{\n    {name} out;\n"
+            f"static {name} load_{kind}(MATERIAL_SPACE const Material *m{' TABLES_ARGUMENT' * has_table(parameters)})\n"
+            f"{{\n    {name} out;\n"
             + "\n".join(loads)
             + "\n    return out;\n}\n"
         )
     return "\n".join(out)
 
 
+def has_table(parameters: Parameters) -> bool:
+    """Whether a kind of material reads numbers that stand behind the records."""
+    return TABLE in dict(parameters)
+
+
+def _loaded(features: Features, tables: str) -> dict[str, str]:
+    """How each kind present gets its parameters from `m`."""
+    return {
+        kind: f"load_{kind}(m{f' TABLES({tables})' if has_table(parameters) else ''})"
+        for kind, parameters in features.materials
+    }
+
+
 def _switch(value: str, group: str, kinds: tuple[str, ...], call: str, otherwise: str) -> str:
+    return _switch_of(value, group, {kind: call.format(kind=kind) for kind in kinds}, otherwise)
+
+
+def _switch_of(value: str, group: str, calls: dict[str, str], otherwise: str) -> str:
     lines = [f"    switch ({value}) {{"]
-    lines += [f"    case {group}_{kind.upper()}: return {call.format(kind=kind)};" for kind in kinds]
+    lines += [f"    case {group}_{kind.upper()}: return {call};" for kind, call in calls.items()]
     lines += [f"    default: return {otherwise};", "    }"]
     return "\n".join(lines)
 
@@ -79,17 +104,21 @@ def _material(features: Features) -> str:
     present = features.material_kinds
     out = ['#include "base/bsdf.cl"'] + [f'#include "material/{kind}.cl"' for kind in present]
     for function, (result, parameters, arguments, otherwise) in _MATERIAL_FUNCTIONS.items():
-        tail = f", {parameters}" if parameters else ""
-        call = f"{{kind}}_{function}(load_{{kind}}(m){', ' + arguments if arguments else ''})"
+        constant = not arguments  # looks at no table
+        loaded = _loaded(features, "0" if constant else "tables")
+        tail = f" TABLES_ARGUMENT, {parameters}" if parameters else ""
+        calls = {kind: f"{kind}_{function}({loaded[kind]}{', ' * (not constant)}{arguments})" for kind in present}
         out.append(
             f"static {result} material_{function}(MATERIAL_SPACE const Material *m{tail})\n{{\n"
-            + _switch("m->kind", "MATERIAL", present, call, otherwise)
+            + _switch_of("m->kind", "MATERIAL", calls, otherwise)
             + "\n}"
         )
     out += [_value_of(kind) for kind in present]
+    calls = {kind: f"{kind}_value({load}, wo, wi)" for kind, load in _loaded(features, "tables").items()}
     out.append(
-        "static BsdfValue material_value(MATERIAL_SPACE const Material *m, const float3 wo, const float3 wi)\n{\n"
-        + _switch("m->kind", "MATERIAL", present, "{kind}_value(load_{kind}(m), wo, wi)", "no_bsdf_value()")
+        "static BsdfValue material_value(MATERIAL_SPACE const Material *m TABLES_ARGUMENT, const float3 wo,\n"
+        "                                const float3 wi)\n{\n"
+        + _switch_of("m->kind", "MATERIAL", calls, "no_bsdf_value()")
         + "\n}"
     )
     return "\n".join(out) + "\n"

@@ -21,12 +21,13 @@ SUFFIXES = (".exr", ".png")
 
 @dataclass(frozen=True)
 class FilmData:
-    """Film buffers as read from the device: sums, differences (h, w, 3, 4) float32, and the samples left out by
-    cause."""
+    """Film buffers as read from the device: sums, differences (h, w, 3, 4) float32, the samples left out by cause, and
+    the unsound values that were met by origin, path edge and cause: `direct[2] non_finite`."""
 
     sums: Sums
     differences: np.ndarray
     health: dict[str, int]
+    faults: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass
@@ -101,6 +102,13 @@ class Film:
         return self.data.health
 
     @property
+    def faults(self) -> dict[str, int]:
+        """Unsound values by where they came from: `ORIGIN[EDGE] CAUSE`. Origins are camera rays, light that a path met
+        (sky, emission), light that it sampled (direct), and directions with their weights (onward); an edge is a
+        path's, as in the waves of a report, the last bin for all longer paths. Empty where all was sound."""
+        return self.data.faults
+
+    @property
     def stats(self) -> dict[str, object]:
         """Samples, seconds, rays, Mrays/s, device, and the estimated error, the root of relMSE (None where unknown)."""
         return {**self.figures, "error": self.error.error if self.error else None}
@@ -146,7 +154,8 @@ class Film:
         from raytide import image
 
         own = dict(self.provenance.get("raytide", {}))  # type: ignore[call-overload]
-        own |= {"error": self.error.as_dict() if self.error else None, "excluded_samples": self.health}
+        own |= {"error": self.error.as_dict() if self.error else None, "excluded_samples": self.health,
+                "faults": self.faults}  # fmt: skip
         return {**self.provenance, "raytide": own, **image.capture_date()}
 
     def _repr_png_(self) -> bytes:

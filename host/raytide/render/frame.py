@@ -12,7 +12,7 @@ import numpy as np
 
 from raytide.device import Buffer, Device, Program
 from raytide.errors import UsageError
-from raytide.kernels.constants import HEALTH, TILE, TILE_SIDE
+from raytide.kernels.constants import EDGE_BINS, FAULT_COUNTERS, FAULTS, HEALTH, TILE, TILE_SIDE
 from raytide.render import schedule
 from raytide.render.adaptive import Allocation
 from raytide.render.film import FilmData
@@ -40,6 +40,7 @@ class Frame:
         self._sums = [device.empty(self.pixels * 16) for _ in SUMS]
         self._differences = device.empty(self.pixels * 16 * ROWS)
         self._health = device.empty(64)
+        self.faults = device.empty(FAULT_COUNTERS * 4)  # where `shade` counts what is unsound
         self.restart()
 
     @property
@@ -57,7 +58,7 @@ class Frame:
 
     def restart(self, first: int = 0) -> None:
         """No samples; those below number `first` are left to others."""
-        for buffer in (*self._sums, self._differences, self._health):
+        for buffer in (*self._sums, self._differences, self._health, self.faults):
             self.device.fill(buffer, 0)
         self.device.take_times()
         if self.allocation:
@@ -208,7 +209,8 @@ class Frame:
         return iter([chunk]) if fits else self.allocation.cut(chunk, most // TILE)
 
     def _buffers(self) -> list[tuple[str, Buffer]]:
-        return list(zip((*SUMS, "differences", "health"), (*self._sums, self._differences, self._health), strict=True))
+        buffers = (*self._sums, self._differences, self._health, self.faults)
+        return list(zip((*SUMS, "differences", "health", "faults"), buffers, strict=True))
 
     def collect_times(self) -> None:
         """Adds device times since the last call to `wave_times`: launches and seconds by label."""
@@ -234,12 +236,19 @@ class Frame:
 
     def read(self) -> FilmData:
         """The film buffers as arrays."""
-        return FilmData(self._sums_so_far(), self._rows(self._differences, ROWS), self.health())
+        return FilmData(self._sums_so_far(), self._rows(self._differences, ROWS), self.health(), self.faults_met())
 
     def health(self) -> dict[str, int]:
         """Samples left out, by cause."""
         counts = self.device.read(self._health, np.uint32, len(HEALTH))
         return dict(zip(HEALTH, (int(n) for n in counts), strict=True))
+
+    def faults_met(self) -> dict[str, int]:
+        """What `shade` counted, by label; empty where all was sound."""
+        shape = (len(FAULTS), len(HEALTH), EDGE_BINS)
+        counts = self.device.read(self.faults, np.uint32, FAULT_COUNTERS).reshape(shape)
+        return {f"{FAULTS[origin]}[{edge}] {HEALTH[cause]}": int(counts[origin, cause, edge])
+                for origin, cause, edge in np.argwhere(counts)}  # fmt: skip
 
     def take_block(self) -> Sums:
         """The sums since this was last called; the film goes on from none."""

@@ -25,6 +25,7 @@ from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
 from raytide.render.lights import choice_of, pack_lights
+from raytide.render.measured import place_tables
 from raytide.render.nested import media_at, rank_bodies
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
@@ -151,7 +152,7 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
         geometry=geometry,
         normals=_normals(flat, features),
         objects=objects,
-        materials=materials,
+        materials=place_tables(materials, flat.measurements),
         lights=lights.table,
         environment=lights.environment,
         light_nodes=lights.nodes,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import raytide
+from raytide.accel.limits import max_depth
 from raytide.render.waves import RayCounts
 
 if TYPE_CHECKING:
@@ -37,6 +38,9 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
         "series": [asdict(row) for row in history.rows],
         "error": error.as_dict() if error else None,
         "health": film.health,
+        "faults": film.faults,
+        "stack": {"deepest_tree": renderer.forest.stats.depth, "limit": max_depth()},  # deeper ones are never built
+        "queue": {"slots": renderer.plan.capacity, "most_used": renderer.waves.most_queued if renderer.waves else 0},
         "times_s": {**renderer.times, "render": frame.seconds, "first_pass": frame.first_pass_s,
                     "error_estimates": history.cost_s},
         "rays": _rays(renderer.rays),

@@ -165,7 +165,7 @@ class Renderer:
                            adaptive=self.features.adaptive)  # fmt: skip
         pixels_of = self.frame.pixels_of
         self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan,
-                           self.trial, pixels_of)  # fmt: skip
+                           self.trial, pixels_of, self.frame.faults)  # fmt: skip
         self._begin()
 
     def _begin(self) -> None:

@@ -89,6 +89,7 @@ def _facts(renderer: Renderer, first: int, end: int) -> dict[str, Any]:
         "first": first,
         "end": end,
         "health": frame.health(),
+        "faults": frame.faults_met(),
         "rays": renderer.rays.total,
         "seconds": frame.seconds,
         "provenance": provenance,
@@ -121,6 +122,7 @@ class _Picture:
         self._total: Sums | None = None
         self._differences: Differences | None = None
         self._health: Counter[str] = Counter()
+        self._faults: Counter[str] = Counter()
         self.layers: dict[str, np.ndarray] = {}
 
     def add(self, content: Content) -> None:
@@ -138,11 +140,12 @@ class _Picture:
             self._total = self._total.plus(block)
             self._differences.take(self._total, n)
         self._health.update(content.facts["health"])
+        self._faults.update(content.facts["faults"])
 
     def data(self) -> FilmData:
         """The film of all of them."""
         assert self._total is not None and self._differences is not None
-        return FilmData(self._total, self._differences.rows, dict(self._health))
+        return FilmData(self._total, self._differences.rows, dict(self._health), dict(self._faults))
 
 
 def _in_order(paths: list[Path]) -> list[tuple[Path, dict[str, Any]]]:

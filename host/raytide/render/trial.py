@@ -53,6 +53,10 @@ class Trial:
                 self._recall(kind)
             self._cache.report_damage()
 
+    def is_settled(self, kind: str) -> bool:
+        """Whether nothing is left to measure for a kind of wave, so that the number of its rays does not matter."""
+        return self._kinds[kind].chosen is not None
+
     def trace(self, kind: str, rays: int, launch: Callable[[Variant], None]) -> Variant:
         """Launches one variant for `rays` rays of a kind, timed where the kind's trial still goes on; gives it."""
         state = self._kinds[kind]

@@ -13,9 +13,9 @@ import numpy as np
 
 from raytide.accel import Forest
 from raytide.device import Buffer, Device, Program
-from raytide.errors import UsageError
+from raytide.errors import DeviceError, UsageError
 from raytide.kernels.constants import (
-    COUNTER_EDGES,
+    COUNTER_SHADOW,
     COUNTERS,
     EDGE_BINS,
     HIDDEN,
@@ -48,11 +48,12 @@ class RayCounts:
         default_factory=lambda: {wave: np.zeros(EDGE_BINS, np.int64) for wave in ("reflection", "shadow")}
     )
 
-    def add(self, wave: str, by_edges: np.ndarray) -> None:
-        """Count the rays of one launch of "reflection" or "shadow"."""
+    def add(self, label: str, by_edges: np.ndarray) -> None:
+        """Count the rays of one launch of "reflection[...]" or "shadow[...]"."""
+        wave, _, edges = label.partition("[")
         counts = self.reflection if wave == "reflection" else self.shadow
         counts += by_edges
-        if np.count_nonzero(by_edges) > 1:
+        if edges == "mixed]":
             self.mixed[wave] += by_edges
 
     @property
@@ -144,10 +145,12 @@ class Waves:
         plan: WavePlan,
         trial: Trial,
         pixels_of: Callable[[int, int], int],
+        faults: Buffer,
     ) -> None:
-        """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles."""
+        """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles; `faults` are the
+        picture's counters of unsound values."""
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
-        self.pixels_of, self.trial = pixels_of, trial
+        self.pixels_of, self.trial, self.faults = pixels_of, trial, faults
         self.rays = RayCounts()
         self.observe: Observer | None = None
         self.traced_by: dict[str, str] = {}  # launch label -> variant that traced the last one
@@ -165,6 +168,7 @@ class Waves:
         self._counters = device.empty(COUNTERS * 4)
         self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
         self.samples = device.empty(plan.samples * 16)
+        self.most_queued = 0  # slots in use at a time
 
     def run(
         self, chunk: tuple[int, int, int, int], stopped: Callable[[], bool], groups: Groups | None = None
@@ -190,10 +194,12 @@ class Waves:
                 self._primary(extra, alive, begun, fresh, first_tile, first_sample, samples)
                 begun += fresh
             if alive:
-                self.rays.add("reflection", edges)
-                self._extend(0, alive, _label("reflection", edges))
+                label = _label("reflection", edges)
+                self.rays.add(label, edges)
+                self._extend(0, alive, label)
             count = alive + fresh
-            alive, edges = self._shade(count)
+            self.most_queued = max(self.most_queued, count)
+            alive, edges = self._shade(count, _label("shadow", self._next_edges(edges, fresh)))
         self.rays.primary += groups.samples if groups else self.pixels_of(first_tile, tiles) * samples
         return True
 
@@ -228,39 +234,62 @@ class Waves:
 
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 
-    def _shade(self, count: int) -> tuple[int, np.ndarray]:
-        """Shades `count` queued paths and traces their shadow rays; gives the paths that go on, and by edges."""
-        scene, launch, programs, n = self.scene, self.device.launch, self.programs, np.uint32(count)
-        queue, following = self._queues
+    def _shade(self, count: int, label: str) -> tuple[int, np.ndarray]:
+        """Shades `count` queued paths and traces their shadow rays, in a launch called `label`; gives the paths that go
+        on, and by edges."""
+        scene, launch, n = self.scene, self.device.launch, np.uint32(count)
+        queue = self._queues[0]
         launch(
-            programs["shade"], "shade", count, 64,
+            self.programs["shade"], "shade", count, 64,
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             queue, n,
             self._rays, self._hits, self._throughput, self._paths, self._status,
-            self._shadow_rays, self._shadow_light, self.samples, *self._scatterings, *self._media,
+            self._shadow_rays, self._shadow_light, self.samples, self.faults, *self._scatterings, *self._media,
             label="shade",
         )  # fmt: skip
-        partition, chunks = programs["partition"], -(-count // PARTITION_CHUNK)
-        launch(partition, "partition_count", chunks, 64, n, self._status, self._chunk_counts, label="partition")
-        launch(partition, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
+        self._partition(n)
+        counters = self.device.read_later(self._counters, np.uint32, COUNTERS)
+        if "shadow" in self.programs:
+            asked = self.observe or not self.trial.is_settled(kind_of(label))  # who looks or measures wants the number
+            self._shadow(label, int(counters()[COUNTER_SHADOW]) if asked else count)
+        alive, shadow, *by_edges = counters().tolist()
+        if max(alive, shadow) > count:
+            raise DeviceError(f"queues overflow: {alive} paths and {shadow} shadow rays came of {count} paths")
+        onward, shadows = np.array(by_edges, np.int64).reshape(2, EDGE_BINS)
+        self.rays.add(label, shadows)
+        self._queues.reverse()
+        return alive, onward
+
+    def _partition(self, n: np.uint32) -> None:
+        """Puts the paths that go on and the free slots into the next queue, and shadow rays into theirs."""
+        launch, program, chunks = self.device.launch, self.programs["partition"], -(-int(n) // PARTITION_CHUNK)
+        queue, following = self._queues
+        launch(program, "partition_count", chunks, 64, n, self._status, self._chunk_counts, label="partition")
+        launch(program, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
         launch(
-            partition, "partition_scatter", -(-self.plan.capacity // PARTITION_CHUNK), 64,
+            program, "partition_scatter", -(-self.plan.capacity // PARTITION_CHUNK), 64,
             n, np.uint32(self.plan.capacity), self._status, self._chunk_counts, self._counters,
             queue, following, self._shadow_queue,
             label="partition",
         )  # fmt: skip
-        counters = self.device.read(self._counters, np.uint32, COUNTERS).astype(np.int64)
-        alive, shadow = int(counters[0]), int(counters[1])
-        onward, shadows = counters[COUNTER_EDGES:].reshape(2, EDGE_BINS)
-        self.rays.add("shadow", shadows)
-        if shadow:
-            label = _label("shadow", shadows)
-            if self.observe:
-                self.observe(label, self._shadow_queue, 0, shadow, self._shadow_rays, self._paths)
-            self._trace("shadow", label, shadow, *self.scene.masks, self._shadow_queue, np.uint32(shadow),
+
+    def _shadow(self, label: str, most: int) -> None:
+        """Traces the shadow rays in their queue, `most` or fewer: the device knows how many, and the host need not wait
+        to hear it."""
+        if self.observe and most:
+            self.observe(label, self._shadow_queue, 0, most, self._shadow_rays, self._paths)
+        if most:
+            self._trace("shadow", label, most, *self.scene.masks, self._shadow_queue, self._counters,
                         self._shadow_rays, self._shadow_light, self.samples)  # fmt: skip
-        self._queues.reverse()
-        return alive, onward
+
+    def _next_edges(self, edges: np.ndarray, fresh: int) -> np.ndarray:
+        """By path edges, (EDGE_BINS,), what may leave the vertices that are shaded next, where only zero or not counts:
+        `edges` those of the rays that led there, and `fresh` camera rays. Passing a surface is no edge."""
+        after = edges.copy() if self.scene.opacity else np.zeros(EDGE_BINS, np.int64)
+        after[1:] += edges[:-1]
+        after[-1] += edges[-1]
+        after[1] += fresh
+        return after
 
 
 def _label(wave: str, by_edges: np.ndarray) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from raytide.accel import FlatGeometry, Tree, build_tree, compact_tree, tree_sources
 from raytide.device import Buffer, Device
 from raytide.errors import UsageError
-from raytide.kernels.constants import trace_launch
+from raytide.kernels.constants import COUNTER_SHADOW, COUNTERS, trace_launch
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
@@ -81,6 +81,9 @@ class RayTracer:
             light.view(np.uint32)[:, 3] = np.arange(count)
             self._light = device.upload(light)
             device.fill(self._results, 0)
+            counters = np.zeros(COUNTERS, np.uint32)
+            counters[COUNTER_SHADOW] = count
+            self._counters = device.upload(counters)
         device.finish()
 
     def run(self, times: int = 1) -> Timing:
@@ -98,7 +101,7 @@ class RayTracer:
         assert self._loaded is not None, "load() comes first"
         count, rays, results = self._count, self._rays, self._results
         if self._loaded.any_hit:
-            arguments: tuple[Buffer | np.uint32, ...] = (self._queue, count, rays, self._light, results)
+            arguments: tuple[Buffer | np.uint32, ...] = (self._queue, self._counters, rays, self._light, results)
             name = "shadow"
         else:
             arguments, name = (self._queue, np.uint32(0), count, rays, results), "extend"

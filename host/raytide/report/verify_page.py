@@ -21,7 +21,7 @@ def document(result: Mapping[str, Any]) -> str:
     body = [section("Device", facts(device))]
     body += [group_section(name, verdicts) for name in dict.fromkeys(one["group"] for one in verdicts)]
     if result.get("costs"):
-        body.append(cost_section(result["costs"]))
+        body.append(cost_section(result["costs"], result.get("peers", ())))
     if result.get("against"):
         body.append(against_section(result["against"], str(result.get("other", ""))))
     return page("Numbers that hold", *body, lead=f"{'; '.join(words)}; {result['size']} counts.")
@@ -43,9 +43,10 @@ def figures_words(one: Mapping[str, Any]) -> str:
     return f"{words}{'; ' if words and one['reason'] else ''}{one['reason']}"
 
 
-def cost_section(costs: Sequence[Mapping[str, Any]]) -> Html:
-    """Time and leaks of every form of the triangle test."""
+def cost_section(costs: Sequence[Mapping[str, Any]], peers: Sequence[Mapping[str, Any]] = ()) -> Html:
+    """Time and leaks of every form of the triangle test, and the leaks of peers by the same rays."""
     rows = [[one["form"], one["ns_per_ray"], *one["leaks"], one["t_error"]] for one in costs]
+    rows += [[f"{one['peer']} {one['version']}", "", *one["leaks"], ""] for one in peers if one["leaks"]]
     head = ("form", "ns a ray", "leaks at edges", "at vertices", "far edges", "far vertices", "error of t, p99")
     plot = bars([one["form"] for one in costs], [one["ns_per_ray"] for one in costs], "ns a ray, closest and any hit")
     return section("What stability costs", table(head, rows, f"leaks of {costs[0]['rays']:,} aimed rays each"), plot)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raytide.scene.lights import EnvironmentLight
+from raytide.scene.measured import Measured
 from raytide.scene.shapes import Mesh
 from raytide.scene.textures import Bitmap
 
@@ -41,6 +42,10 @@ def scene_digest(scene: Scene, with_render: bool) -> str:
     for _, model in sorted(scene.textures.items()):
         if isinstance(model, Bitmap):
             _add(digest, scene.picture(model.file).texels)
+    for _, material in sorted(scene.materials.items()):
+        if isinstance(material, Measured):
+            for number in vars(scene.measurement(material.file)).values():
+                _add(digest, np.asarray(number))
     for light in scene.lights.values():
         if isinstance(light, EnvironmentLight) and light.file is not None:
             _add(digest, scene.picture(light.file).texels)

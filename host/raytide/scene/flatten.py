@@ -9,12 +9,14 @@ import numpy as np
 
 from raytide.errors import SceneError
 from raytide.importers.limits import LARGEST, SMALLEST
+from raytide.importers.measured import Measurement
 from raytide.importers.meshdata import MeshData, longest_edges
 from raytide.scene.camera import Camera
 from raytide.scene.check import scene_problems, scene_warnings
 from raytide.scene.instances import shown_objects
 from raytide.scene.lights import Light
 from raytide.scene.material_parts import Material
+from raytide.scene.measured import flat_measurements
 from raytide.scene.normals import smooth_normals
 from raytide.scene.painted import FlatTextures, Painted, flat_textures
 from raytide.scene.settings import RenderSettings
@@ -86,6 +88,7 @@ class FlatScene:
     textures: FlatTextures = field(default_factory=FlatTextures)
     meshes: list[FlatMesh] = field(default_factory=list)
     instances: list[FlatInstance] = field(default_factory=list)
+    measurements: dict[int, Measurement] = field(default_factory=dict)  # of measured materials, by index
 
     @property
     def window(self) -> tuple[int, int, int, int]:
@@ -168,6 +171,7 @@ def flatten_scene(scene: Scene, share: bool = True) -> FlatScene:
         textures=flat_textures(scene, used, [*(piece.painted for piece in pieces), *(mesh.painted for mesh in meshes)]),
         meshes=meshes,
         instances=instances,
+        measurements=flat_measurements(scene, used),
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import model_validator
 
 from raytide.scene.material_parts import Body, Boundary, Facets, Material, Metal, Preset, StretchedFacets
+from raytide.scene.measured import Measured as Measured
 from raytide.scene.presets import CONDUCTORS
 from raytide.scene.rough_albedo import coat_fit, diffuse_reflectance, loss_fit, metal_diffuse_reflectance
 from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, check_product, key

@@ -71,7 +71,7 @@ def tables_of(scene: Scene, file_name: Callable[[str], str] | None = None) -> di
 
 def _files(tables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
     """(`group name`, table, key) of every file that the scene names."""
-    for group, key in (("objects", "mesh"), ("textures", "file"), ("lights", "file")):
+    for group, key in (("objects", "mesh"), ("textures", "file"), ("materials", "file"), ("lights", "file")):
         for name, table in tables.get(group, {}).items():
             if table.get(key) is not None:
                 yield f"{group} {name}", table, key

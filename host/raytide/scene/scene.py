@@ -20,6 +20,7 @@ from raytide.scene.textures import TEXTURES, Texture
 
 if TYPE_CHECKING:
     from raytide.importers.geometry import MeshData
+    from raytide.importers.measured import Measurement
     from raytide.importers.picture import Picture
     from raytide.scene.flatten import FlatScene
 
@@ -56,6 +57,7 @@ class Scene:
         self.notes: list[str] = []
         self._meshes: dict[tuple[str, int, int, int], MeshData] = {}
         self._pictures: dict[tuple[str, int, int], Picture] = {}
+        self._measurements: dict[tuple[str, int, int], Measurement] = {}
 
     @property
     def camera(self) -> Camera:
@@ -195,6 +197,19 @@ class Scene:
         if version not in self._pictures:
             self._pictures[version] = load_picture(path)
         return self._pictures[version]
+
+    def measurement(self, name: str) -> Measurement:
+        """What the file of a measured material holds, read once for each version of it.
+
+        Raises SceneError (the file) or ValueError (a path that is not allowed).
+        """
+        from raytide.importers.measured import load_measurement
+
+        path = self.file_path(name)
+        version = _version_of(path)
+        if version not in self._measurements:
+            self._measurements[version] = load_measurement(path)
+        return self._measurements[version]
 
     def problems(self) -> list[Problem]:
         """Everything that keeps this scene from being rendered: references, transforms, files."""

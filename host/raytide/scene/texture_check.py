@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from raytide.scene.describe import bounds_of, list_words, nearest, option_of
 from raytide.scene.layered import layers_of
 from raytide.scene.lights import EnvironmentLight
 from raytide.scene.material_parts import Material
+from raytide.scene.measured import Measured
 from raytide.scene.model import path_words
 from raytide.scene.shapes import Mesh
 from raytide.scene.textures import Bitmap, Checkerboard, Constant, MeshAttribute, Texture
@@ -44,7 +45,10 @@ def texture_problems(scene: Scene, texture_names: Sequence[str]) -> list[Problem
         if isinstance(light, EnvironmentLight) and light.file is not None
     ]
     for path, file in files:
-        problems += _file_problems(scene, path_words((*path, "file")), file)
+        problems += _file_problems(scene.picture, path_words((*path, "file")), file)
+    for name, material in scene.materials.items():
+        if isinstance(material, Measured):
+            problems += _file_problems(scene.measurement, path_words(("materials", name, "file")), material.file)
     return problems + [problem for name in scene.objects for problem in _object_problems(scene, name)]
 
 
@@ -80,9 +84,9 @@ def _relief_problems(scene: Scene, name: str, material: Material) -> list[Proble
     return problems
 
 
-def _file_problems(scene: Scene, key: str, file: str) -> list[Problem]:
+def _file_problems(read: Callable[[str], object], key: str, file: str) -> list[Problem]:
     try:
-        scene.picture(file)
+        read(file)
     except ValueError as error:
         return [Problem(key, f"the path {ascii(file)}", str(error))]
     except SceneError as error:

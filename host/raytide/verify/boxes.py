@@ -13,7 +13,7 @@ import numpy as np
 from raytide.kernels.records import NONE, RECORDS
 from raytide.verify.case import Inputs, Judged, Trial, case, forbidden
 from raytide.verify.exact import meet_boxes
-from raytide.verify.lab import Lab, Tracer, f4, flat, rays_of, sphere_record, unit_vectors
+from raytide.verify.lab import Lab, Tracer, f4, flat, rays_of, shape_record, unit_vectors
 
 INFINITY = np.float32(np.inf)
 
@@ -109,7 +109,8 @@ def flat_quads(lab: Lab) -> Iterator[Trial]:
         yield Trial(f"across {'xyz'[axis]}", inputs, partial(judge, traced))
 
 
-@case("B5", "bvh", "NaN, infinity and zero where a ray should be", "a miss, by tree and by brute force",
+@case("B5", "bvh", "NaN, infinity and zero where a ray should be, directions without a normal number",
+      "a miss, by tree and by brute force",
       "the whole tree is traversed, or the loop never ends")  # fmt: skip
 def no_rays(lab: Lab) -> Iterator[Trial]:
     geometry = flat([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], [[0, 1, 2]])
@@ -124,16 +125,17 @@ def no_rays(lab: Lab) -> Iterator[Trial]:
             for bad in (np.nan, np.inf, -np.inf) for place in range(7)]  # fmt: skip
     rows = [row for row in rows if not row[6] == np.inf]  # no end at all is a ray
     rows += [[0.1, 0.2, -3.0, 0.0, 0.0, zero, 1e30] for zero in (0.0, -0.0)] + [[0.1, 0.2, -3.0, 0.0, 0.0, 1.0, -1.0]]
+    rows += [[0.1, 0.2, -1e-30, 0.0, 0.0, 1e-40, 1e30]]  # would be met at 1e10, unless denormals are flushed
     table = f4(rows)
     inputs = {"origin": table[:, :3], "direction": table[:, 3:6], "end": table[:, 6]}
     for builder in ("sah", "none"):
         yield Trial(builder, inputs, partial(judge, builder))
 
 
-@case("B7", "bvh", "triangles at 2^i, i from -60 to 60, in one scene, each with a ray of its own", "each met",
+@case("B7", "bvh", "triangles at 2^i, i from -66 to 60, in one scene, each with a ray of its own", "each met",
       "a middle split goes 126 deep; a stack of 64 overflows")  # fmt: skip
 def all_scales(lab: Lab) -> Iterator[Trial]:
-    places = 2.0 ** np.arange(-60, 60)
+    places = 2.0 ** np.arange(-66, 61)
     corners = places[:, None, None] * np.array([[1.0, -0.2, -0.2], [1.0, 0.3, -0.1], [1.0, 0.0, 0.4]])
     geometry = flat(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3))
 
@@ -149,7 +151,7 @@ def all_scales(lab: Lab) -> Iterator[Trial]:
         yield Trial(builder, inputs, partial(judge, builder))
 
 
-@case("B8", "bvh", "random rays through 1, 2, 3 and 1000 triangles, alone and among spheres",
+@case("B8", "bvh", "random rays through 1, 2, 3 and 1000 triangles, alone and among shapes of four kinds",
       "tree and brute force give the same primitive and the same bits of t", "ties and culling decide")  # fmt: skip
 def force_and_tree(lab: Lab) -> Iterator[Trial]:
     def judge(geometry: object, builder: str, inputs: Inputs) -> Judged:
@@ -164,10 +166,11 @@ def force_and_tree(lab: Lab) -> Iterator[Trial]:
         size = 1.0 if count < 10 else 0.2
         corners = f4(rng.normal(size=(count, 1, 3)) + rng.normal(size=(count, 3, 3)) * size)
         faces = np.arange(3 * count).reshape(-1, 3)
-        balls = np.concatenate([sphere_record(f4(rng.normal(size=3)), 0.1 + 0.2 * rng.random()) for _ in range(7)])
+        kinds = ("sphere", "box", "disk", "rectangle") * 3
+        others = [shape_record(kind, f4(rng.normal(size=3)), np.eye(3) * (0.1 + 0.2 * rng.random())) for kind in kinds]
         origin = f4(unit_vectors(rng, n) * 4)
         inputs = {"origin": origin, "direction": f4(rng.normal(size=(n, 3)) - origin)}
-        for name, shapes in (("", None), (" and spheres", balls)):
+        for name, shapes in (("", None), (" and shapes", np.concatenate(others))):
             geometry = flat(corners.reshape(-1, 3), faces, shapes)
             for builder in ("sah", "lbvh"):
                 yield Trial(f"{count}{name}, {builder}", inputs, partial(judge, geometry, builder))

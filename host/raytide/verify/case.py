@@ -94,16 +94,6 @@ def case(id: str, group: str, title: str, bar: str, naive: str = "") -> Callable
     return register
 
 
-def unbuilt(id: str, group: str, title: str, bar: str, feature: str, naive: str = "") -> Case:
-    """Put a case into the catalogue that waits for a feature: it is skipped, never passed."""
-
-    def trials(lab: Lab) -> Iterator[Trial]:
-        raise Skipped(f"not built yet: {feature}")
-
-    case(id, group, title, bar, naive)(trials)
-    return CASES[id]
-
-
 def once(name: str, judge: Callable[[], Judged]) -> Trial:
     """A trial that has one input: itself."""
     return Trial(name, {"once": np.zeros(1, np.uint8)}, lambda inputs: judge())

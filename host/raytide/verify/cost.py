@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from raytide.accel import FlatGeometry
 from raytide.errors import DeviceError
 from raytide.kernels.records import NONE
+from raytide.verify.case import Inputs
 from raytide.verify.lab import Lab, Tracer, f4, rays_of, unit_vectors
 from raytide.verify.triangles import FAR_PLACE, RINGS, SEGMENTS, aimed, ring_sphere
 from raytide.verify.variants import Variant, contracted, unfused
@@ -83,17 +84,22 @@ def has_double(lab: Lab) -> bool:
     return "cl_khr_fp64" in getattr(lab.device.info, "extensions", "cl_khr_fp64")
 
 
+def aimed_sets(bench: Lab) -> Iterator[tuple[FlatGeometry, Inputs]]:
+    """The closed sphere with rays aimed at its edges, then at its vertices; the same far away."""
+    for center in ((0.0, 0.0, 0.0), FAR_PLACE):
+        geometry = ring_sphere(RINGS, SEGMENTS, center)
+        for at, seed in (("edges", 901), ("vertices", 902)):
+            yield geometry, aimed(geometry, center, at, bench.rng(seed), bench.count(100_000, 1_000_000))
+
+
 def measure(bench: Lab, name: str, leaky: bool) -> Cost:
     """One form."""
     n = bench.count(100_000, 1_000_000)
-    here, there = ring_sphere(RINGS, SEGMENTS), ring_sphere(RINGS, SEGMENTS, FAR_PLACE)
     leaks = []
-    for geometry, center in ((here, (0.0, 0.0, 0.0)), (there, FAR_PLACE)):
-        traced = bench.tracer(geometry, leaky=leaky)
-        for at, seed in (("edges", 901), ("vertices", 902)):
-            inputs = aimed(geometry, center, at, bench.rng(seed), n)
-            hits, met = traced.trace(rays_of(inputs["origin"], inputs["direction"]))
-            leaks.append(int(((hits["prim"] == NONE) | ~met).sum()))
+    for geometry, inputs in aimed_sets(bench):
+        hits, met = bench.tracer(geometry, leaky=leaky).trace(rays_of(inputs["origin"], inputs["direction"]))
+        leaks.append(int(((hits["prim"] == NONE) | ~met).sum()))
+    here = ring_sphere(RINGS, SEGMENTS)
     traced = bench.tracer(here, leaky=leaky)
     rng = bench.rng(903)
     origin = f4(unit_vectors(rng, n) * 0.3)

@@ -183,6 +183,5 @@ def fuzzed(count: int) -> Case:
 
         yield Trial("", {"seed": np.arange(count)}, judge)
 
-    return Case("fuzz", "transport", "scenes of extremes, by seed",
-      "each ends, is finite, leaves no sample out, and gives "
-                "back no more than it got where that is known", "", trials)  # fmt: skip
+    bar = "each ends, is finite, leaves no sample out, and gives back no more than it got where that is known"
+    return Case("fuzz", "transport", "scenes of extremes, by seed", bar, "", trials)

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from raytide.accel import FlatGeometry, build_tree, tree_sources
 from raytide.device import Buffer, Device, Program
+from raytide.importers.measured import load_measurement
 from raytide.kernels.constants import PROBES
 from raytide.kernels.features import Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.kernels.source import assemble
 from raytide.render import Film, Renderer
+from raytide.render.measured import place_tables
 from raytide.scene import Scene
 from raytide.scene.material_parts import SWITCHES, Material
 from raytide.scene.materials import MATERIALS
+from raytide.scene.measured import Measured
 from raytide.verify.variants import Variant, VariantDevice, variant_named
 
 FREE = np.float32(3.0e38)  # t_max of a ray that nothing ends
@@ -139,13 +143,13 @@ class Bsdf:
 
 
 def material_record(material: Material) -> np.ndarray:
-    """What the device gets of a material, (1,)."""
+    """What the device gets of a material, (1,), and behind it the table of a measured one."""
     row = np.zeros(1, RECORDS["Material"].dtype)
     row["kind"] = kind_number("material", material.type)
     numbers = [x for _, values in material.parameters() for x in values]
     for place, x in enumerate(numbers):
         row[f"p{place // 4}"][0, place % 4] = x
-    return row
+    return place_tables(row, {0: load_measurement(Path(material.file))} if isinstance(material, Measured) else {})
 
 
 class Tracer:
@@ -183,12 +187,12 @@ class Tracer:
     def sampled(self, origin: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
         """Points of shape 0 picked as a light does, seen from `origin` (n, 3) by numbers u (n, 2): p (n, 3), pdf (n,)
         per steradian, and `pdf_again` (n,), what the shape says of a point that was met by chance."""
-        count, out = len(origin), self.device.empty(32 * len(origin))
+        count, out = len(origin), self.device.empty(48 * len(origin))
         rows = np.zeros((2, count, 4), np.float32)
         rows[0, :, :3], rows[1, :, :2] = origin, u
-        self._launch("probe_light_point", count, *map(self.device.upload, rows), out)
-        got = self.device.read(out, np.float32, 8 * count).reshape(count, 2, 4)
-        return {"p": got[:, 0, :3], "pdf": got[:, 0, 3], "pdf_again": got[:, 1, 3]}
+        self._launch("probe_light_point", count, np.uint32(0), *map(self.device.upload, rows), out)
+        got = self.device.read(out, np.float32, 12 * count).reshape(count, 3, 4)
+        return {"p": got[:, 0, :3], "pdf": got[:, 0, 3], "pdf_again": got[:, 2, 3]}
 
     def boxes(self, nodes: np.ndarray, rays: np.ndarray) -> np.ndarray:
         """Mask (n,) uint32 of the lanes of nodes[i] that ray i meets: the slab test alone, records Node (n,)."""
@@ -202,7 +206,7 @@ class Tracer:
         self._launch("probe_visits", len(rays), self.device.upload(rays), out)
         return self.device.read(out, np.uint32, 2 * len(rays)).reshape(-1, 2)
 
-    def _launch(self, kernel: str, count: int, *arguments: Buffer) -> None:
+    def _launch(self, kernel: str, count: int, *arguments: Buffer | np.uint32) -> None:
         self.device.launch(self.program, kernel, count, LOCAL, *self._scene, np.uint32(count), *arguments)
 
 
@@ -269,6 +273,11 @@ def unit_vectors(rng: np.random.Generator, count: int) -> np.ndarray:
     """Directions spread evenly, (count, 3) float64."""
     v = rng.normal(size=(count, 3))
     return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+def sampler_numbers(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    """Numbers as samplers give them, float32 of that shape: multiples of 2^-24 in [0, 1)."""
+    return f4(rng.integers(0, 2**24, shape) * 2.0**-24)
 
 
 def ulp(x: object) -> np.ndarray:

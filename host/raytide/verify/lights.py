@@ -13,7 +13,7 @@ from raytide.render.pack import features_of, pack
 from raytide.render.sky import WHOLE, patch_light, sky_shares
 from raytide.scene import Camera, Scene, mesh, plane, point, sky
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, once
-from raytide.verify.lab import Lab, f4, unit_vectors
+from raytide.verify.lab import Lab, f4, sampler_numbers, unit_vectors
 
 Long = np.longdouble
 
@@ -62,7 +62,7 @@ def small_triangles(lab: Lab) -> Iterator[Trial]:
         way[:, 2] = np.abs(way[:, 2]) + 0.05
         start = moved + way * 10.0 ** rng.uniform(0, 4, (n, 1))
         inputs = {"corners": np.broadcast_to(f4(shape + moved), (n, 3, 3)), "from": f4(start),
-                  "u": f4(rng.integers(0, 2**24, (n, 2)) * 2.0**-24)}  # fmt: skip
+                  "u": sampler_numbers(rng, n, 2)}  # fmt: skip
         yield Trial(name, inputs, judge)
 
 

@@ -16,8 +16,8 @@ import numpy as np
 import raytide as rt
 from raytide.scene import Camera, Scene, mesh, point
 from raytide.scene.material_parts import Material
-from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, unbuilt
-from raytide.verify.lab import ULP, Lab, f4, unit_vectors
+from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden
+from raytide.verify.lab import ULP, Lab, f4, sampler_numbers, unit_vectors
 
 Rough = tuple[Material, float]  # with the index behind over that before
 
@@ -136,7 +136,7 @@ def grazing(lab: Lab) -> Iterator[Trial]:
     smooth: list[Material] = [rt.Mirror(0.9), rt.Conductor("gold"), rt.Dielectric(1.5), rt.ThinDielectric(1.5)]
     for material in [*smooth, *(one for one, _ in models())]:
         rng, n = lab.rng(607), lab.count(10_000, 1_000_000)
-        u = f4(rng.integers(0, 2**24, (n, 4)) * 2.0**-24)
+        u = sampler_numbers(rng, n, 4)
         u[:64] = f4(rng.choice([0.0, 2.0**-24, 1 - 2.0**-24], (64, 4)))
         yield Trial(name_of(material), {"wo": slopes(rng, n), "wi": slopes(rng, n), "u": u}, partial(judge, material))
 
@@ -202,9 +202,3 @@ def from_behind(lab: Lab) -> Iterator[Trial]:
         return Judged(forbidden(np.array(lit) == behind), {"lit": int(np.sum(lit))})
 
     yield Trial("", {"tilt": f4([45.0, 80.0, 89.0, 45.0]), "behind": np.array([True, True, True, False])}, judge)
-
-
-TABLES = unbuilt("M12", "shading", "measured materials (MERL tables): edges of the table, wrap, missing entries",
-        "nothing read beyond the table; finite; energy at most 1, or told", "measured materials")  # fmt: skip
-TABLES_SAMPLED = unbuilt("M13", "shading", "sampling of measured materials with dead cells and one of 1e6:1",
-        "chi-square passes; no sample where the density is 0", "measured materials")  # fmt: skip

@@ -15,6 +15,7 @@ import raytide.verify.film
 import raytide.verify.inputs
 import raytide.verify.lights
 import raytide.verify.materials
+import raytide.verify.measured
 import raytide.verify.planes
 import raytide.verify.sampling
 import raytide.verify.shading

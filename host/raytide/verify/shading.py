@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
-from raytide.verify.lab import ULP, Lab, f4, unit_vectors
+from raytide.verify.lab import ULP, Lab, f4, sampler_numbers, unit_vectors
 
 Long = np.longdouble
 
@@ -58,16 +58,16 @@ def visible_normals(lab: Lab) -> Iterator[Trial]:
     wo = sphere_points(np.arccos(rows[:, 0]), rows[:, 4])
     wo[:, 2] = np.maximum(wo[:, 2], 0)
     yield Trial("corners", {"wo": wo, "alpha": f4(rows[:, 1]), "u": f4(rows[:, 2:4])}, judge)
-    rng, n = lab.rng(602), lab.count(50_000, 5_000_000)
+    rng, n = lab.rng(602), lab.count(50_000, 10_000_000)
     wo = f4(unit_vectors(rng, n) * [1, 1, 10.0 ** -rng.integers(0, 8)])
     wo[:, 2] = np.abs(wo[:, 2])
     wo /= np.sqrt((wo.astype(np.float64) ** 2).sum(1, keepdims=True)).astype(np.float32)
-    inputs = {"wo": wo, "alpha": f4(10.0 ** rng.uniform(-4, 0, n)), "u": f4(rng.integers(0, 2**24, (n, 2)) * 2.0**-24)}
+    inputs = {"wo": wo, "alpha": f4(10.0 ** rng.uniform(-4, 0, n)), "u": sampler_numbers(rng, n, 2)}
     yield Trial("at random", inputs, judge)
 
 
 @case("M5", "shading", "Fresnel's reflectance where the indices barely differ, eta = 1 + 1e-2 to 1e-6, and equal",
-      "normal incidence within 1e-7 and 1e-5 of itself; equal indices reflect nothing and bend nothing",
+      "within 1e-7 and 1e-5 of itself, at normal incidence and at others; equal indices reflect and bend nothing",
       "1.4 % off at eta - 1 = 1e-6")  # fmt: skip
 def near_equal_indices(lab: Lab) -> Iterator[Trial]:
     def judge(inputs: Inputs) -> Judged:
@@ -82,8 +82,24 @@ def near_equal_indices(lab: Lab) -> Iterator[Trial]:
         share = np.abs(off)[eta != 1] / truth.astype(np.float64)[eta != 1]
         return Judged(excess, {"largest relative error": f"{share.max(initial=0):.1e}"})
 
+    def judge_oblique(inputs: Inputs) -> Judged:
+        c, s2, eta = (inputs[name] for name in ("cosine", "sine2", "eta"))
+        found = lab.function("dielectric", np.stack([c, s2, np.ones_like(c), eta], 1))[:, 0]
+        size = np.sqrt(c.astype(Long) ** 2 + s2)
+        before, wide = c / size, eta.astype(Long)
+        behind = np.sqrt(1 - s2 / (size * wide) ** 2)
+        across = (before - wide * behind) / (before + wide * behind)
+        along = (wide * before - behind) / (wide * before + behind)
+        truth = (across**2 + along**2) / 2
+        share = (found / truth - 1).astype(np.float64)
+        return Judged(bounded(share, 1e-5), {"largest relative error": f"{np.abs(share).max():.1e}"})
+
     steps = 10.0 ** np.linspace(-6, -2, lab.count(101, 10_001))
-    yield Trial("", {"eta": f4([1.0, *(1 + steps), *(1 - steps)])}, judge)
+    eta = f4([1.0, *(1 + steps), *(1 - steps)])
+    yield Trial("straight", {"eta": eta}, judge)
+    cosine = f4(lab.rng(605).uniform(0.2, 1, len(eta) - 1))  # no total reflection
+    inputs = {"cosine": cosine, "sine2": f4(1 - cosine.astype(np.float64) ** 2), "eta": eta[1:]}
+    yield Trial("oblique", inputs, judge_oblique)
 
 
 @case("M6", "shading", "total reflection: cosines 1e-2 to 1e-7 beyond and before the critical angle",
@@ -151,6 +167,6 @@ def cosine_directions(lab: Lab) -> Iterator[Trial]:
     corners = (0.0, 2.0**-24, 0.25, 0.5 - 2.0**-24, 0.5, 0.5 + 2.0**-24, 1 - 2.0**-24)
     yield Trial("corners", {"u": f4(list(product(corners, corners)))}, judge)
     n = lab.count(50_000, 5_000_000)
-    yield Trial("at random", {"u": f4(lab.rng(614).integers(0, 2**24, (n, 2)) * 2.0**-24)}, judge)
+    yield Trial("at random", {"u": sampler_numbers(lab.rng(614), n, 2)}, judge)
 
 

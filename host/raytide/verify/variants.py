@@ -17,7 +17,14 @@ from raytide.errors import UsageError
 from raytide.kernels.paths import kernel_dir
 from raytide.kernels.source import Source
 
-FLUSHED = "-cl-denorms-are-zero"
+FLUSHED, FUSED, FAST = "-cl-denorms-are-zero", "-cl-mad-enable", "-cl-fast-relaxed-math"
+# Results of raytide's own functions, as the kernels have them, and what makes them as wrong as built-in ones may be.
+_RESULTS = {
+    "*s = fma_of(x * z, p, x);": "worse_sine",
+    "*c = fma_of(z * z, q, 1.0f - 0.5f * z);": "worse_sine",
+    "const float result = fma_of(r * r, p, r) + 1.0f;": "worse_power",
+    "const float result = fma_of(e, 0.693359375f, f + tail);": "worse_power",
+}
 _OFF, _ON = "#pragma OPENCL FP_CONTRACT OFF", "#pragma OPENCL FP_CONTRACT ON"
 _CONSTANT = re.compile(r"[0-9.]\S*|[A-Z_][A-Z_0-9]*\b(?!\s*\()")
 _TYPE = re.compile(r"\(\s*(float|int|uint|ulong|long)[0-9]*\s*\)")
@@ -46,11 +53,14 @@ def unfused(text: str) -> str:
 
 
 def worse(text: str) -> str:
-    """Quotients and roots with the largest errors that OpenCL allows."""
+    """Quotients, roots, sines, exponentials and logarithms with the largest errors that OpenCL allows."""
     helpers = (kernel_dir() / "probe" / "worse.cl").read_text(encoding="utf-8")
     out = "".join(_worse_line(line) for line in text.splitlines(keepends=True))
     for root in ("__builtin_sqrtf(x)", "sqrt(x)"):
         out = out.replace(f"return {root};", f"return worse_root({root});")
+    for line, wrong in _RESULTS.items():
+        place, value = line[:-1].split(" = ")
+        out = out.replace(line, f"{place} = {wrong}({value});")
     return helpers + out
 
 
@@ -106,7 +116,9 @@ VARIANTS = {
         Variant("flushed", "denormals flushed to zero", options=(FLUSHED,)),
         Variant("contracted", "products fused into sums everywhere", contracted),
         Variant("unfused", "fused operations in two roundings", unfused),
-        Variant("worse", "quotients and roots as wrong as allowed, denormals flushed", worse, (FLUSHED,)),
+        Variant("worse", "all functions as wrong as allowed, denormals flushed, sums fused where nothing forbids it",
+                worse, (FLUSHED, FUSED)),  # fmt: skip
+        Variant("fast", "fast mathematics, where numbers are finite and sums may be fused", options=(FAST,)),
     )
 }
 

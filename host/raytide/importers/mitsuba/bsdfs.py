@@ -12,9 +12,9 @@ from raytide.importers.mitsuba.metals import IORS, METALS
 from raytide.importers.mitsuba.reader import Reader
 
 SMALLEST_ALPHA = 1e-4  # raytide's
-ANISOTROPIC = {"roughness_u", "roughness_v", "anisotropic", "normal_map", "bump_map"}  # keys that look at directions
+ANISOTROPIC = {"roughness_u", "roughness_v", "anisotropic", "normal_map", "bump_map", "file"}  # look at directions
 OTHERS = (
-    "circular", "hair", "measured", "measured_polarized", "null", "polarizer", "pplastic", "principledthin", "retarder",
+    "circular", "hair", "measured_polarized", "null", "polarizer", "pplastic", "principledthin", "retarder",
 )  # fmt: skip
 
 Table = dict[str, Any]
@@ -297,6 +297,11 @@ def _plastic(reader: Reader) -> Table:
     return _plastic_parts(reader, {"type": "plastic", **_boundary(reader, "polypropylene")})
 
 
+def _measured(reader: Reader) -> Table | None:
+    path = reader.file()
+    return None if path is None else {"type": "measured", "file": reader.build.name_of_file(path)}
+
+
 def _roughplastic(reader: Reader) -> Table:
     facets = _facets(reader, stretched=False)
     return _plastic_parts(reader, {"type": "rough_plastic", **_boundary(reader, "polypropylene"), **facets})
@@ -336,6 +341,7 @@ BSDFS: dict[str, Callable[[Reader], Table | None]] = {
     "dielectric": _dielectric,
     "diffuse": _diffuse,
     "mask": _mask,
+    "measured": _measured,
     "normalmap": _normalmap,
     "plastic": _plastic,
     "principled": _principled,

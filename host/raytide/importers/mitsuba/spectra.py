@@ -36,6 +36,19 @@ def reflected_rgb(spectrum: Spectrum, *, bounded: bool = True) -> Colour:
     return _colour(_integral(spectrum, lit=True), 1.0 if bounded else None)
 
 
+def reflected_weights(wavelengths: np.ndarray) -> np.ndarray:
+    """(n, 3): what a reflectance of 1 at each of n rising wavelengths [nm] adds to the colour, with a spectrum that is
+    linear between them and constant beyond. They add up to the colour of a white surface."""
+    table = np.array(ROWS)
+    nodes = table[:, 0]
+    at = np.linspace(nodes[0], nodes[-1], STEPS)
+    hats = np.stack([np.interp(at, wavelengths, unit) for unit in np.eye(len(wavelengths))])
+    light = np.interp(at, nodes, table[:, 4])
+    curves = np.stack([np.interp(at, nodes, table[:, column]) for column in (1, 2, 3)])
+    weights = (hats * light) @ curves.T @ XYZ_TO_RGB.T
+    return weights / weights.sum(axis=0)
+
+
 def _integral(spectrum: Spectrum, lit: bool) -> np.ndarray:
     table = np.array(ROWS)
     nodes = table[:, 0]
