@@ -37,6 +37,16 @@ static void go_on(const NextRay *onward, const uint slot, const uint4 path, glob
                           path.z, path.w);
 }
 
+// Whether paths end at this edge; in the integrator local reflection_depth alone ends them.
+static int is_deepest(global const Settings *settings, const uint edge)
+{
+#if HAS_LOCAL
+    return 0;
+#else
+    return edge >= settings->max_depth;
+#endif
+}
+
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
 // Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
@@ -87,12 +97,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
         const float3 seen = emission_seen(lights, before, settings, g, objects, vertex, ray, hit, path.y);
         samples[path.x] += told(faults, seen, 1.0f, FAULT_EMISSION, edge);
     }
-#if HAS_LOCAL
-    const int last = passed;  // reflection_depth alone ends these paths
-#else
-    const int last = passed || edge >= settings->max_depth;
-#endif
-    if (last || is_black(&vertex)) {
+    if (passed || is_deepest(settings, edge) || is_black(&vertex)) {
         return;
     }
     const Sampler sampler = sampler_for(settings, path.z, path.w);

@@ -165,7 +165,7 @@ def test_the_camera_s_bodies_are_found_in_every_closed_shape() -> None:
         "block": rt.box(min=(-1, -1, -1), max=(0.5, 1, 1)),
         "sea": rt.plane((0, 1, 0)),
         "cube": rt.mesh(vertices=CUBE, faces=CUBE_FACES),
-        "inside out": rt.mesh(vertices=CUBE, faces=CUBE_FACES, flip=True),
+        "inside out": rt.Mesh(vertices=CUBE, faces=CUBE_FACES, flip=True),
         "aside": rt.mesh(vertices=CUBE, faces=CUBE_FACES).translate(1.3, 0, 0),
         "far ball": rt.sphere((2, 0, 0), 1.0),
         "sheet": rt.rect(center=(0, 1, 0), u=(5, 0, 0), v=(0, 0, 5)),

@@ -20,6 +20,7 @@ SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing w
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 RANK_SHIFT = 16  # bits of a material record's flags from here on: its rank among bodies that overlap; 0: none
 HEALTH = ("non_finite", "negative", "too_nested")  # why samples are left out, in the order of their counters
+SOUND = HEALTH[:2]  # what is told even where there is none
 # What `shade` computes and looks at: unsound values are counted by origin, cause and path edge (wave/fault.cl).
 FAULTS = ("camera", "sky", "emission", "direct", "onward")
 FAULT_COUNTERS = len(FAULTS) * len(HEALTH) * EDGE_BINS

@@ -45,6 +45,7 @@ class Features:
     gaussian: bool = False  # pixel filter, else box or centre
     tent: bool = False
     mitchell: bool = False
+    catmull_rom: bool = False
     lanczos: bool = False
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path

@@ -106,7 +106,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         tree=render.bvh != "none",
         lens=camera.type == "thin_lens" or (everything and camera.type == "pinhole"),
         orthographic=camera.type == "orthographic",
-        **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "lanczos")},
+        **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "catmull_rom", "lanczos")},
         center=render.filter == "centre",
         local=render.integrator == "local",
         light_tree=bool(lights) and choice_of(flat) == "tree",
