@@ -76,7 +76,6 @@ static void set_lane_int8(private int8 *values, const uint i, const uint x) { ((
 static uint swapped(const uint i) { return (i & ~12u) | ((i & 4u) << 1) | ((i & 8u) >> 1); }
 
 static float smallest8(const float8 v) { return -largest8(-v); }
-static float8 abs8(const float8 x) { return as_float8(as_int8(x) & 0x7fffffff); }
 
 // Records Ray of eight rays, one a vector, become their components.
 ALWAYS_INLINE static void transpose8(float8 *r)

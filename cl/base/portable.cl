@@ -110,6 +110,49 @@ static float8 fma8(const float8 a, const float8 b, const float8 c)
 #endif
 }
 
+static float8 abs8(const float8 x) { return as_float8(as_uint8(x) & 0x7fffffffu); }
+
+static float8 sqrt8(const float8 x)
+{
+#if DEVICE_CPU && __has_builtin(__builtin_ia32_sqrtps256)
+    return __builtin_ia32_sqrtps256(x);
+#elif CLANG_BUILTINS
+    return (float8)(sqrt_of(x.s0), sqrt_of(x.s1), sqrt_of(x.s2), sqrt_of(x.s3), sqrt_of(x.s4), sqrt_of(x.s5),
+                    sqrt_of(x.s6), sqrt_of(x.s7));
+#else
+    return sqrt(x);
+#endif
+}
+
+// Towards zero; of numbers from 0 to below 2^31.
+static uint8 uint8_of(const float8 x)
+{
+#if CLANG_BUILTINS && __has_builtin(__builtin_convertvector)
+    return as_uint8(__builtin_convertvector(x, int8));
+#else
+    return convert_uint8(x);
+#endif
+}
+
+static ulong8 ulong8_of(const uint8 x)
+{
+#if CLANG_BUILTINS && __has_builtin(__builtin_convertvector)
+    return __builtin_convertvector(x, ulong8);
+#else
+    return convert_ulong8(x);
+#endif
+}
+
+// The low halves.
+static uint8 low_bits8(const ulong8 x)
+{
+#if CLANG_BUILTINS && __has_builtin(__builtin_convertvector)
+    return __builtin_convertvector(x, uint8);
+#else
+    return convert_uint8(x);
+#endif
+}
+
 // Numbers below 2^24 are exact.
 static float8 float8_of(const int8 x)
 {

@@ -190,7 +190,7 @@ static float4 sample_owen_4d(const Sampler s, const uint set)
                     scrambled_unit(dimension_2(index), seed + 3u), scrambled_unit(dimension_3(index), seed + 4u));
 }
 
-#if HAS_SOBOL && DEVICE_CPU
+#if DEVICE_CPU
 // sample_owen_4d of two sets at once, one number a lane, for CPUs whose compiler does not join work-items. The four
 // dimensions are one form here: each stage multiplies by a number a + b w of GF(4) that differs by lane, and the
 // pairs' triangle, which commutes with the stages, comes last.

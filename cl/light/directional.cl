@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/geometry.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/vector.cl"
 
@@ -14,3 +15,10 @@ static LightSample directional_sample(global const Light *l, const Geometry g, c
     out.infinite = 1u;
     return out;
 }
+
+#if HAS_PHOTON
+static LightEmission directional_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    return emission_from_afar(-xyz(l->direction), xyz(l->radiance), around, u.xy);
+}
+#endif

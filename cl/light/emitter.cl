@@ -2,6 +2,7 @@
 #include "accel/area.cl"
 #include "accel/geometry.cl"
 #include "accel/triangle.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/portable.cl"
 #include "base/vector.cl"
@@ -113,3 +114,32 @@ static float emitter_pdf(global const Light *l, const Geometry g, const float3 f
     return 0.0f;
 #endif
 }
+
+#if HAS_PHOTON
+// Uniform by area, which shapes are when seen from their own centre; then by the cosine. u.z also picks the side.
+static LightEmission emitter_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    float3 ng;
+    float pdf, error;
+    float3 from = (float3)(0.0f);
+#if HAS_ANALYTIC
+    if (l->prim >= g.triangle_count) {
+        from = xyz(g.shapes[l->prim - g.triangle_count].center);
+    }
+#endif
+    const float3 p = emitter_point(l, g, from, u.xy, &ng, &pdf, &error);
+    const int both = l->extra.x != 0.0f;
+    const float twice = 2.0f * u.z;
+    const float side = both && twice >= 1.0f ? -1.0f : 1.0f;
+    const float2 within = (float2)(both ? (twice >= 1.0f ? twice - 1.0f : twice) : u.z, u.w);
+    LightEmission out;
+    out.origin = p + ng * (side * error);
+    out.direction = to_world(frame_of(ng * side), cosine_hemisphere(within));
+    out.power = xyz(l->radiance) * (3.14159265f * l->extra.y * (both ? 2.0f : 1.0f));
+#if HAS_TEXTURED
+    out.power = out.power * emitter_texture(l, g, p, ng, u.xy);
+#endif
+    out.prim = l->prim;
+    return out;
+}
+#endif

@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/geometry.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/vector.cl"
 #include "base/warp.cl"
@@ -24,3 +25,12 @@ static float environment_pdf(global const Light *l, const Geometry g, const floa
 {
     return ENVIRONMENT_PDF;
 }
+
+#if HAS_PHOTON
+static LightEmission environment_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    const LightSample from = environment_sample(l, g, xyz(around), u.zw);
+    const float3 irradiance = from.radiance * (from.pdf > 0.0f ? 1.0f / from.pdf : 0.0f);
+    return emission_from_afar(normalize3(from.to), irradiance, around, u.xy);
+}
+#endif

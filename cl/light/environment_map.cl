@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/geometry.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/math.cl"
 #include "base/textures.cl"
@@ -137,3 +138,13 @@ static float environment_map_pdf(global const Light *l, const Geometry g, const 
 {
     return environment_map_seen(l, g, wi).pdf;
 }
+
+#if HAS_PHOTON
+static LightEmission environment_map_emit(global const Light *l, const Geometry g, const float4 around,
+                                          const float4 u)
+{
+    const LightSample from = environment_map_sample(l, g, xyz(around), u.zw);
+    const float3 irradiance = from.radiance * (from.pdf > 0.0f ? 1.0f / from.pdf : 0.0f);
+    return emission_from_afar(normalize3(from.to), irradiance, around, u.xy);
+}
+#endif

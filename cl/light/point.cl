@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/geometry.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/portable.cl"
 #include "base/vector.cl"
@@ -17,3 +18,15 @@ static LightSample point_sample(global const Light *l, const Geometry g, const f
     out.infinite = 0u;
     return out;
 }
+
+#if HAS_PHOTON
+static LightEmission point_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    LightEmission out;
+    out.origin = xyz(l->position);
+    out.direction = uniform_sphere(u.zw);
+    out.power = xyz(l->radiance) * 12.566370614f;
+    out.prim = NONE;
+    return out;
+}
+#endif

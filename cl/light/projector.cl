@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/cast.cl"
 #include "accel/geometry.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/portable.cl"
 #include "base/vector.cl"
@@ -30,3 +31,21 @@ static LightSample projector_sample(global const Light *l, const Geometry g, con
 #endif
     return out;
 }
+
+#if HAS_PHOTON
+// Uniform over the picture on the wall.
+static LightEmission projector_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    LightEmission out = no_light_emission();
+#if HAS_TEXTURED
+    const float3 up = (float3)(l->extra.x, l->extra.y, l->direction.w);
+    const float shrink = 1.0f / dot3(up, up);
+    const float3 above = up * ((2.0f * u.w - 1.0f) * shrink);
+    const float3 beside = cross3(xyz(l->direction), up) * ((2.0f * u.z - 1.0f) * shrink * l->extra.w);
+    out.origin = xyz(l->position);
+    out.direction = normalize3(xyz(l->direction) + above + beside);
+    out.power = xyz(l->radiance) * cast_color(l, g, u.zw) * (4.0f * shrink * l->extra.w);
+#endif
+    return out;
+}
+#endif

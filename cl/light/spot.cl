@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/geometry.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/math.cl"
 #include "base/portable.cl"
@@ -31,3 +32,23 @@ static LightSample spot_sample(global const Light *l, const Geometry g, const fl
     out.infinite = 0u;
     return out;
 }
+
+#if HAS_PHOTON
+// Uniform in the cone.
+static LightEmission spot_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    float half_sine, half_cosine;
+    sin_cos(0.5f * l->extra.z, &half_sine, &half_cosine);
+    const float height = 2.0f * half_sine * half_sine;  // of the cap of directions
+    const float down = u.z * height;
+    const float ring = sqrt_of(max_of(down * (2.0f - down), 0.0f));
+    float s, c;
+    sin_cos_turns(u.w, &s, &c);
+    LightEmission out;
+    out.origin = xyz(l->position);
+    out.direction = to_world(frame_of(xyz(l->direction)), (float3)(ring * c, ring * s, 1.0f - down));
+    out.power = xyz(l->radiance) * (spot_falloff(1.0f - down, l->extra.z, l->extra.w) * 6.2831853f * height);
+    out.prim = NONE;
+    return out;
+}
+#endif

@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/geometry.cl"
 #include "base/frame.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/math.cl"
 #include "base/portable.cl"
@@ -35,3 +36,11 @@ static float sun_pdf(global const Light *l, const Geometry g, const float3 from,
 {
     return sun_holds(l, wi) ? l->extra.y : 0.0f;
 }
+
+#if HAS_PHOTON
+static LightEmission sun_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    const LightSample from = sun_sample(l, g, xyz(around), u.zw);
+    return emission_from_afar(normalize3(from.to), from.radiance * (1.0f / from.pdf), around, u.xy);
+}
+#endif

@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "accel/cast.cl"
 #include "accel/geometry.cl"
+#include "base/light_emission.cl"
 #include "base/light_sample.cl"
 #include "base/vector.cl"
 #include "light/spot.cl"
@@ -16,3 +17,14 @@ static LightSample textured_spot_sample(global const Light *l, const Geometry g,
 #endif
     return out;
 }
+
+#if HAS_PHOTON
+static LightEmission textured_spot_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
+{
+    LightEmission out = spot_emit(l, g, around, u);
+#if HAS_TEXTURED
+    out.power = out.power * cast_color(l, g, cast_place(l, out.direction, 1.0f));
+#endif
+    return out;
+}
+#endif

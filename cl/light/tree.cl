@@ -18,12 +18,6 @@
 #define TREE_INDEX 0x3fffffffu
 #define NO_NORMAL 0xffffffffu
 
-static float8 sqrt8(const float8 x)
-{
-    return (float8)(sqrt_of(x.s0), sqrt_of(x.s1), sqrt_of(x.s2), sqrt_of(x.s3), sqrt_of(x.s4), sqrt_of(x.s5),
-                    sqrt_of(x.s6), sqrt_of(x.s7));
-}
-
 static float8 sine8(const float8 cosine) { return sqrt8(max8(1.0f - cosine * cosine, (float8)(0.0f))); }
 
 // Upper bound, up to a factor for all nodes, of the irradiance that each child could give at the place.

@@ -38,3 +38,7 @@ static float3 dielectric_albedo(const Dielectric m)
 {
     return m.specular_transmittance;
 }
+
+#if HAS_PHOTON
+static float dielectric_index(const Dielectric m) { return m.ior; }
+#endif

@@ -170,3 +170,7 @@ static float3 principled_albedo(const Principled m)
 {
     return m.base_color;
 }
+
+#if HAS_PHOTON
+static float principled_index(const Principled m) { return m.eta; }
+#endif

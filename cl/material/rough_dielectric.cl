@@ -67,3 +67,7 @@ static float3 rough_dielectric_albedo(const RoughDielectric m)
 {
     return m.specular_transmittance;
 }
+
+#if HAS_PHOTON
+static float rough_dielectric_index(const RoughDielectric m) { return m.ior; }
+#endif

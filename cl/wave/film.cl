@@ -5,6 +5,7 @@
 #include "base/sampler.cl"
 #include "wave/path.cl"
 #include "wave/span.cl"
+#include "wave/splats.cl"
 // Adds the samples of a chunk to its pixels, each pixel by one item and in the order of sample numbers, as two-float
 // sums: no atomics, and the same bits whatever the wave size. Non-finite and negative samples are left out and counted.
 // Sample numbers FILM_BLOCK k and on to FILM_BLOCK (k + 1) are summed by themselves and then added to the total: whoever
@@ -88,7 +89,7 @@ __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void film(global const Settings *settings, const uint first_tile, const uint tiles, const uint first_sample,
                  const uint samples_in_chunk, global const float4 *samples, global float4 *sum_hi,
                  global float4 *sum_lo, global float4 *block_hi, global float4 *block_lo, global float4 *half_sum,
-                 global float4 *differences, global uint *health SPAN_ARGUMENTS)
+                 global float4 *differences, global uint *health SPAN_ARGUMENTS SPLAT_ARGUMENTS)
 {
     const uint i = (uint)get_global_id(0);
     const uint lane = i % TILE;
@@ -116,6 +117,11 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
     const uint group = local_tile * samples_in_chunk;
     const uint groups = samples_in_chunk;
 #endif
+#if HAS_PHOTON
+    const float3 splatted = units_at(splats, pixel) * splat_unit;
+#else
+    const float3 splatted = (float3)(0.0f);
+#endif
     for (uint s = 0; s < groups; s++) {
 #if HAS_ADAPTIVE
         if (!is_in_range(range, first + s)) {
@@ -123,7 +129,7 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
         }
 #endif
         const float4 sample = samples[(group + s) * TILE + lane];
-        const float3 value = xyz(sample);
+        const float3 value = xyz(sample) + splatted;
         const int finite = finite3(value);
         const int negative = finite && (value.x < 0.0f || value.y < 0.0f || value.z < 0.0f);
         if (finite && !negative) {

@@ -6,6 +6,7 @@
 #include "accel/geometry.cl"
 #include "accel/spawn.cl"
 #include "wave/path.cl"
+#include "wave/shading.cl"
 #include "wave/vertex.cl"
 
 #if HAS_NESTED
@@ -87,35 +88,34 @@ static NestedSides nested_sides(const PathVertex *v, const uint4 media)
 
 // Settles what a boundary parts: *v gets the medium before it and the ratio of both indices. Returns whether the path is
 // done here: it goes straight on through a boundary that is not there, or is inside too many bodies to be told apart.
-static int settle_nested(global const Material *materials, PathVertex *v, const Ray ray, const uint4 path,
-                         const uint slot, global Ray *rays, global float4 *throughput, global uint4 *paths,
-                         global uint *status, global float4 *samples MEDIA_ARGUMENT)
+static int settle_nested(const Shading *s, PathVertex *v, const Ray ray, const uint4 path, const uint slot,
+                         const uint item MEDIA_ARGUMENT)
 {
 #if HAS_NESTED
     const uint rank = v->material.flags >> MATERIAL_RANK_SHIFT;
     v->front = 0u;
-    v->ranked = rank != 0u || rank_of(materials, v->medium) != 0u;
+    v->ranked = rank != 0u || rank_of(s->materials, v->medium) != 0u;
     if (rank == 0u) {
         return 0;
     }
     const NestedSides sides = nested_sides(v, all_media[slot]);
     if (!sides.fits) {
-        samples[path.x] = (float4)(INFINITY, INFINITY, INFINITY, MEDIA_OVERFLOW);
+        s->samples[path.x] = (float4)(INFINITY, INFINITY, INFINITY, MEDIA_OVERFLOW);
         return 1;
     }
-    v->front = top_of(materials, sides.front);
-    if (rank > rank_of(materials, v->front)) {
-        v->material.p0.x = v->material.p0.x / (v->front ? materials[v->front - 1u].p0.x : 1.0f);
+    v->front = top_of(s->materials, sides.front);
+    if (rank > rank_of(s->materials, v->front)) {
+        v->material.p0.x = v->material.p0.x / (v->front ? s->materials[v->front - 1u].p0.x : 1.0f);
         return 0;
     }
     const uint4 beyond = v->cos_o > 0.0f ? sides.behind : sides.front;
     all_media[slot] = beyond;
-    rays[slot].origin = make4(spawn_origin(&v->surface, xyz(ray.direction)), float_of(v->surface.prim));
-    throughput[slot] = v->state;
+    s->rays[slot].origin = make4(spawn_origin(&v->surface, xyz(ray.direction)), float_of(v->surface.prim));
+    s->throughput[slot] = v->state;
     uint4 onward = path;
-    onward.y = (path.y & (PATH_EDGES | PATH_DELTA)) | (top_of(materials, beyond) << PATH_MEDIUM_SHIFT);
-    paths[slot] = onward;
-    *status = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
+    onward.y = (path.y & (PATH_EDGES | PATH_DELTA)) | (top_of(s->materials, beyond) << PATH_MEDIUM_SHIFT);
+    s->paths[slot] = onward;
+    s->status[item] = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
     return 1;
 #else
     return 0;

@@ -37,6 +37,8 @@
 #define SET_BSDF(edge) (2u * (edge))
 #define SET_PASS(passed) (0x1000000u + (passed))  // beyond all edges: surfaces that the path passed
 #define SET_BLEND(edge) (0x2000000u + (edge))
+#define SET_EMIT 0x3000000u  // where light leaves a light, and which light
+#define SET_EMIT_LIGHT 0x3000001u
 
 #define LOOK_AHEAD 8u  // items of a queue between the one at work and the one whose slot is asked for
 

@@ -10,6 +10,7 @@ from raytide.kernels.features import kinds
 from raytide.render.schedule import AOV, VARIANTS, WAVES
 from raytide.scene.materials import MATERIALS
 
+LIGHT = ("emit", "connect", "splat")  # waves of integrator photon alone
 NONE_ON = Features(triangles=False, tree=False, sobol=False)
 ALL_ON = Features(
     materials=tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS)),
@@ -26,6 +27,7 @@ def each_alone() -> dict[str, Features]:
     alone |= {kind: replace(NONE_ON, shapes=(kind,)) for kind in kinds("shape")}
     alone |= {kind: replace(NONE_ON, lights=(kind,)) for kind in kinds("light")}
     alone |= {kind: replace(NONE_ON, textures=(kind,)) for kind in kinds("texture")}
+    alone |= {f"{kind}, photon": replace(NONE_ON, lights=(kind,), photon=True) for kind in kinds("light")}
     return alone
 
 
@@ -34,7 +36,8 @@ def test_all_none_and_each_switch_alone_build_without_a_warning(device: Device) 
     wide = {"all, wide": replace(ALL_ON, compact=False), "compact": replace(NONE_ON, tree=True, compact=True)}
     for name, features in {"none": NONE_ON, "all": ALL_ON, **wide, **each_alone()}.items():
         tracing = [wave for variant in VARIANTS if variant.fits(device.kind, features) for wave in variant.waves]
-        for wave in {one.name: one for one in (*WAVES, *tracing, AOV)}.values():
+        waves = [one for one in (*WAVES, *tracing, AOV) if features.photon or one.name not in LIGHT]
+        for wave in {one.name: one for one in waves}.values():
             source = assemble(wave.entry, wave.features(features))
             sources.setdefault(source.sha256, (f"{wave.name}, {name}", source))
     numbered = enumerate(sources.values())

@@ -30,9 +30,9 @@ def lamps_over_things(**settings: object) -> rt.Scene:
 def wave_bytes(renderer: rt.Renderer) -> int:
     """What the wave buffers really hold; a report rounds the share of a slot up to a byte."""
     held = vars(renderer.opened()[1])
-    buffers = [held[name] for name in ("_rays", "_shadow_rays", "_hits", "_throughput", "_paths", "_shadow_light",
-                                       "_status", "_shadow_queue", "_chunk_counts", "samples")]  # fmt: skip
-    buffers += [*held["_queues"], *held["_scatterings"], *held["_lights"][len(renderer.buffers.lights) :]]
+    buffers = [held[name] for name in ("path_rays", "shadow_rays", "hits", "throughput", "paths", "shadow_light",
+                                       "status", "shadow_queue", "_chunk_counts", "samples")]  # fmt: skip
+    buffers += [*held["queues"], *held["scatterings"], *held["_lights"][len(renderer.buffers.lights) :]]
     return sum(buffer.nbytes for buffer in buffers)
 
 

@@ -18,6 +18,7 @@ STRETCHED = 4  # flag of a material record: its shading frame follows the surfac
 ONE_SIDED = 8  # flag of a material record: the back is black
 SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing were there
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
+SPLAT_WORDS = 9  # of a pixel: three sums of three words
 RANK_SHIFT = 16  # bits of a material record's flags from here on: its rank among bodies that overlap; 0: none
 HEALTH = ("non_finite", "negative", "too_nested")  # why samples are left out, in the order of their counters
 SOUND = HEALTH[:2]  # what is told even where there is none
@@ -42,6 +43,7 @@ _UNSIGNED = {
     "FILM_BLOCK": FILM_BLOCK,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,
+    "SPLAT_WORDS": SPLAT_WORDS,
     "COUNTER_SHADOW": COUNTER_SHADOW,
     "COUNTER_EDGES": COUNTER_EDGES,
     "SLOT_NORMALS": SLOT_NORMALS,

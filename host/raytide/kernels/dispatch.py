@@ -8,6 +8,7 @@ from __future__ import annotations
 from raytide.kernels.features import SKIES, Features, Parameters
 from raytide.kernels.records import MATERIAL_FLOATS
 
+REFRACTING = ("dielectric", "principled", "rough_dielectric")  # materials that thin radiance out: they have NAME_index
 TABLE = "table"  # the parameter that holds the place of a material's table [records]
 _TYPES = {1: "float", 3: "float3", 4: "float4"}
 _MATERIAL_FUNCTIONS = {
@@ -113,6 +114,13 @@ def _material(features: Features) -> str:
             + _switch_of("m->kind", "MATERIAL", calls, otherwise)
             + "\n}"
         )
+    if features.photon:
+        refracting = tuple(kind for kind in present if kind in REFRACTING)
+        out.append(
+            "static float material_index(MATERIAL_SPACE const Material *m)\n{\n"
+            + _switch("m->kind", "MATERIAL", refracting, "{kind}_index(load_{kind}(m))", "1.0f")
+            + "\n}"
+        )
     out += [_value_of(kind) for kind in present]
     calls = {kind: f"{kind}_value({load}, wo, wi)" for kind, load in _loaded(features, "tables").items()}
     out.append(
@@ -171,7 +179,8 @@ def _shape(features: Features) -> str:
 def _light(features: Features) -> str:
     present = features.lights
     hit = tuple(kind for kind in present if kind == "emitter" or kind in SKIES)
-    out = ['#include "base/light_sample.cl"', f'#include "light/{"tree" if features.light_tree else "pick"}.cl"']
+    out = ['#include "base/light_sample.cl"', '#include "base/light_emission.cl"']
+    out += [f'#include "light/{"tree" if features.light_tree else "pick"}.cl"']
     out += [f'#include "light/{kind}.cl"' for kind in present]
     out.append(
         "static LightSample light_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)\n"
@@ -191,6 +200,13 @@ def _light(features: Features) -> str:
         "static float3 light_seen(global const Light *l, const Geometry g, const float3 wi)\n{\n"
         f"    return {seen};\n}}"
     )
+    if features.photon:
+        out.append(
+            "static LightEmission light_emit(global const Light *l, const Geometry g, const float4 around,\n"
+            "                                const float4 u)\n{\n"
+            + _switch("l->kind", "LIGHT", present, "{kind}_emit(l, g, around, u)", "no_light_emission()")
+            + "\n}"
+        )
     return "\n".join(out) + "\n"
 
 

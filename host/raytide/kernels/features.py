@@ -49,6 +49,7 @@ class Features:
     lanczos: bool = False
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
+    photon: bool = False  # integrator photon: light is traced from the lights to the camera
     sobol: bool = True  # else plain random numbers
     light_tree: bool = False  # lights are picked by a tree of bounds, else by an alias table
     blue_noise: bool = False  # neighbouring pixels share a sequence

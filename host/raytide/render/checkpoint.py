@@ -123,6 +123,7 @@ def capture(renderer: Renderer) -> Content:
             "stopped_by": renderer.stopped_by,
             "frame": figures,
             "primary_rays": rays.primary,
+            "emitted_rays": rays.emitted,
             "series": [asdict(row) for row in history.rows],
             "error_estimates_s": history.cost_s,
         },
@@ -139,7 +140,8 @@ def restore(renderer: Renderer, content: Content, path: Path) -> None:
         frame, waves = renderer.opened()
         frame.restore(content.arrays, facts["frame"], renderer.plan.samples)
         reflection, shadow, mixed, mixed_shadow = content.arrays["rays"].astype(np.int64)
-        waves.rays = RayCounts(facts["primary_rays"], reflection, shadow, {"reflection": mixed, "shadow": mixed_shadow})
+        both = {"reflection": mixed, "shadow": mixed_shadow}
+        waves.rays = RayCounts(facts["primary_rays"], reflection, shadow, both, facts["emitted_rays"])
         history = renderer.history
         history.rows = [Row(**row) for row in facts["series"]]
         history.cost_s = float(facts["error_estimates_s"])

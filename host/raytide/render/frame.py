@@ -17,6 +17,7 @@ from raytide.render import schedule
 from raytide.render.adaptive import Allocation
 from raytide.render.film import FilmData
 from raytide.render.film_sums import Sums
+from raytide.render.light_paths import LightPaths
 from raytide.render.schedule import Chunk
 from raytide.render.waves import Groups, RayCounts, Waves
 
@@ -40,13 +41,14 @@ class Frame:
         self._sums = [device.empty(self.pixels * 16) for _ in SUMS]
         self._differences = device.empty(self.pixels * 16 * ROWS)
         self._health = device.empty(64)
+        self.light: LightPaths | None = None  # integrator photon: what every pass begins with
         self.faults = device.empty(FAULT_COUNTERS * 4)  # where `shade` counts what is unsound
         self.restart()
 
     @property
     def nbytes(self) -> int:
         """Bytes of the film on the device."""
-        return self.pixels * PIXEL_BYTES
+        return self.pixels * PIXEL_BYTES + (self.light.splats.nbytes if self.light else 0)
 
     def _check_fits(self) -> None:
         largest, limit = self.pixels * 16 * ROWS, self.device.info.max_alloc_bytes
@@ -68,6 +70,7 @@ class Frame:
         self.first_pass_s: float | None = None
         self.wave_times: dict[str, tuple[int, float]] = {}
         self._pending: deque[Chunk] = deque()  # what is left of the pass
+        self._unlit: deque[Chunk] = deque()  # what light of the pass is still to be traced, before that
         self._pass = (0, 0)
         self._since: float | None = None  # when the time that is not in `seconds` yet began
 
@@ -93,9 +96,9 @@ class Frame:
 
         A pass that was stopped goes on where it was, whenever `run` is called again.
         """
-        while self.spp < spp or self._pending:
+        while self.spp < spp or self._pending or self._unlit:
             self._since = time.perf_counter()
-            if not self._pending:
+            if not self._pending:  # light comes before it
                 self._begin_pass(spp, self._chunk_size(waves, time_limit))
             end = math.inf if time_limit is None else self._since + time_limit - self.seconds
             finished = self._run_pass(waves, _stopped_or_past(end, stopped), between)
@@ -116,6 +119,9 @@ class Frame:
         allocation = self.allocation
         if allocation is None:
             self._pending.extend(schedule.chunks(self.tiles, *self._pass, most))
+            if self.light:
+                self.light.clear()
+                self._unlit.extend(schedule.chunks(self.tiles, *self._pass, self.light.waves.plan.capacity))
             return
         if allocation.decides_at(self.spp):
             allocation.decide(self.spp, self.read())
@@ -159,6 +165,12 @@ class Frame:
         return sum(seconds for _, seconds in self.wave_times.values())
 
     def _run_pass(self, waves: Waves, stopped: Callable[[], bool], between: Callable[[], None]) -> bool:
+        while self.light and self._unlit:
+            if stopped():
+                return False
+            self.light.run(self._unlit.popleft(), self._health)
+            between()
+        more = self.light.film_arguments(self._pass[1]) if self.light else ()
         while self._pending:
             chunk = self._pending[0]
             groups = self.groups_of(chunk)
@@ -167,7 +179,7 @@ class Frame:
             self.device.launch(
                 self._program, "film", chunk[1] * TILE, 64,
                 self._settings, *(np.uint32(x) for x in chunk), waves.samples,
-                *self._sums, self._differences, self._health, *(groups.buffers if groups else ()),
+                *self._sums, self._differences, self._health, *(groups.buffers if groups else ()), *more,
                 label="film",
             )  # fmt: skip
             self._pending.popleft()
@@ -180,7 +192,8 @@ class Frame:
         self.lap()
         self.collect_times()
         arrays = {name: self.device.read(buffer, np.uint32, buffer.nbytes // 4) for name, buffer in self._buffers()}
-        arrays["pending"] = np.array(self._pending, np.uint32).reshape(-1, 4)
+        for name, chunks in (("pending", self._pending), ("unlit", self._unlit)):
+            arrays[name] = np.array(chunks, np.uint32).reshape(-1, 4)
         arrays |= self.allocation.capture() if self.allocation else {}
         figures = {"spp": self.spp, "pass": list(self._pass), "seconds": self.seconds,
                    "first_pass_s": self.first_pass_s, "wave_times": self.wave_times}  # fmt: skip
@@ -198,6 +211,7 @@ class Frame:
             self.allocation.restore(arrays)
         for chunk in map(tuple, arrays["pending"].reshape(-1, 4).tolist()):
             self._pending.extend(self._cut(chunk, most))
+        self._unlit.extend(map(tuple, arrays["unlit"].reshape(-1, 4).tolist()))
         self.spp, self._pass = int(figures["spp"]), (int(figures["pass"][0]), int(figures["pass"][1]))
         self.seconds, self.first_pass_s = float(figures["seconds"]), figures["first_pass_s"]
         self.wave_times = {label: (int(n), float(s)) for label, (n, s) in figures["wave_times"].items()}
@@ -210,7 +224,8 @@ class Frame:
 
     def _buffers(self) -> list[tuple[str, Buffer]]:
         buffers = (*self._sums, self._differences, self._health, self.faults)
-        return list(zip((*SUMS, "differences", "health", "faults"), buffers, strict=True))
+        splats = [("splats", self.light.splats)] if self.light else []
+        return [*zip((*SUMS, "differences", "health", "faults"), buffers, strict=True), *splats]
 
     def collect_times(self) -> None:
         """Adds device times since the last call to `wave_times`: launches and seconds by label."""
@@ -232,7 +247,7 @@ class Frame:
     @property
     def is_between_passes(self) -> bool:
         """Whether no chunk of a pass is left to be traced."""
-        return not self._pending
+        return not self._pending and not self._unlit
 
     def read(self) -> FilmData:
         """The film buffers as arrays."""

@@ -45,7 +45,10 @@ class PackedLights:
 
 
 def choice_of(flat: FlatScene) -> str:
-    """How one of the scene's lights is picked: "uniform", "power" or "tree", which pays where many have a place."""
+    """How one of the scene's lights is picked: "uniform", "power" or "tree", which pays where many have a place, but
+    needs one to send light to."""
+    if flat.render.integrator == "photon":
+        return "uniform" if flat.render.light_choice == "uniform" else "power"
     if flat.render.light_choice != "auto":
         return flat.render.light_choice
     count = sum(isinstance(light, PLACED) for light in flat.lights)

@@ -109,6 +109,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "catmull_rom", "lanczos")},
         center=render.filter == "centre",
         local=render.integrator == "local",
+        photon=render.integrator == "photon" and bool(lights),
         light_tree=bool(lights) and choice_of(flat) == "tree",
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",

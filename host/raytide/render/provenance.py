@@ -118,11 +118,13 @@ def wave_table(times: dict[str, tuple[int, float]], rays: RayCounts) -> dict[str
     first hit. The last bin holds all longer paths.
     """
     out: dict[str, dict[str, float | bool]] = {}
-    for label in ("camera", "shade", "partition", "film", "aov"):
+    for label in ("camera", "shade", "emit", "connect", "splat", "partition", "film", "aov"):
         if label in times:
             out[label] = {"launches": times[label][0], "s": times[label][1]}
     if "primary" in times:
         out["primary"] = _row(times["primary"], rays.primary, False)
+    if "emitted" in times:
+        out["emitted"] = _row(times["emitted"], rays.emitted, False)
     for wave, counts in (("reflection", rays.reflection), ("shadow", rays.shadow)):
         mixed_launches, mixed_s = times.get(f"{wave}[mixed]", (0, 0.0))
         mixed = rays.mixed[wave]
@@ -146,6 +148,7 @@ def _rays(rays: RayCounts) -> dict[str, int]:
     return {
         "total": rays.total,
         "primary": rays.primary,
+        "emitted": rays.emitted,
         "reflection": int(rays.reflection.sum()),
         "shadow": int(rays.shadow.sum()),
     }

@@ -26,6 +26,7 @@ from raytide.render.film import Film
 from raytide.render.film_sums import Sums
 from raytide.render.frame import PIXEL_BYTES, Frame
 from raytide.render.instances import mesh_records
+from raytide.render.light_paths import SPLAT_BYTES, LightPaths
 from raytide.render.limits import History, Limits, limits_of
 from raytide.render.loop import Loop, Shelf
 from raytide.render.pack import PackedScene, features_of, pack
@@ -152,7 +153,8 @@ class Renderer:
         most = schedule.tiles_of((width, height)) * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes,
                                         schedule.slot_bytes_of(self.features))  # fmt: skip
-        needed = width * height * PIXEL_BYTES + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
+        pixel_bytes = PIXEL_BYTES + (SPLAT_BYTES if self.features.photon else 0)
+        needed = width * height * pixel_bytes + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
             raise UsageError(
                 f"camera.size: came {width}x{height}, which needs {needed >> 20} MiB in all; {info.id} has "
@@ -166,6 +168,8 @@ class Renderer:
         pixels_of = self.frame.pixels_of
         self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan,
                            self.trial, pixels_of, self.frame.faults)  # fmt: skip
+        if self.features.photon:
+            self.frame.light = LightPaths(self.device, self.waves, self.flat, self.packed)
         self._begin()
 
     def _begin(self) -> None:

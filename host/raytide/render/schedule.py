@@ -19,6 +19,7 @@ Chunk = tuple[int, int, int, int]  # first tile, tiles, first sample, samples: w
 MEDIA_BYTES = 16  # a slot more where clear bodies overlap
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity
 NORMAL_BYTES = 4  # a slot more where lights are picked by a tree
+TARGET_BYTES = 4  # a slot more where light is traced to the camera
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Wave:
     name: str
     needed: Callable[[Features], bool] = lambda features: True
     traces: bool = False
+    ignores: tuple[str, ...] = ()  # switches that it has no use for
 
     @property
     def entry(self) -> str:
@@ -35,7 +37,8 @@ class Wave:
 
     def features(self, features: Features) -> Features:
         """Those that this program is built with: one that reads no tree, or only the wide one, knows no layouts."""
-        return features if self.traces else replace(features, compact=False)
+        ignored = dict.fromkeys((*self.ignores, *(() if self.traces else ("compact",))), False)
+        return replace(features, **ignored)  # type: ignore[arg-type]
 
 
 WAVES = (
@@ -45,6 +48,9 @@ WAVES = (
     Wave("partition"),
     Wave("shadow", lambda features: bool(features.lights), traces=True),
     Wave("film"),
+    Wave("emit", lambda features: features.photon, ignores=("light_tree",)),
+    Wave("connect", lambda features: features.photon, ignores=("light_tree",)),
+    Wave("splat", lambda features: features.photon),
 )
 AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
@@ -83,8 +89,8 @@ TRAVERSALS = ("auto", *(variant.name for variant in VARIANTS))
 
 
 def kind_of(label: str) -> str:
-    """The kind of a launch by its label, such as "shadow" of "shadow[3]"."""
-    return label if label in KINDS else label.partition("[")[0]
+    """The kind of a launch by its label, such as "shadow" of "shadow[3]"; light on its way from lamps is scattered."""
+    return label if label in KINDS else "reflection" if label == "emitted" else label.partition("[")[0]
 
 
 def variants_for(traversal: str, kind: str, features: Features) -> tuple[Variant, ...]:
@@ -122,7 +128,7 @@ class WavePlan:
 def slot_bytes_of(features: Features) -> int:
     """What the wave buffers hold for each path."""
     optional = SCATTERING_BYTES * features.opacity + MEDIA_BYTES * features.nested + NORMAL_BYTES * features.light_tree
-    return SLOT_BYTES + optional
+    return SLOT_BYTES + optional + TARGET_BYTES * features.photon
 
 
 def plan_waves(

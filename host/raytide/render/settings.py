@@ -9,6 +9,7 @@ import numpy as np
 
 from raytide.errors import SceneError, UsageError
 from raytide.kernels.records import RECORDS
+from raytide.render.light_paths import check_photon
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import tiles_across
 from raytide.scene.check import crop_problem
@@ -32,7 +33,10 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
     problem = crop_problem(camera, render)
     if problem:
         raise SceneError([problem])
-    return replace(flat, camera=camera, render=render)
+    out = replace(flat, camera=camera, render=render)
+    if render.integrator == "photon":
+        check_photon(out)
+    return out
 
 
 def _block_bits(spp: int) -> int:
@@ -48,7 +52,8 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     render = flat.render
     row["width"], row["height"], row["tiles_x"] = width, height, tiles_across(width)
     row["whole_width"], row["block_bits"] = flat.camera.size[0], _block_bits(render.spp)
-    row["seed"], row["max_depth"] = render.seed, render.max_depth
+    row["seed"] = render.seed
+    row["max_depth"] = 1 if render.integrator == "photon" else render.max_depth  # of paths from the camera
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
     row["light_count"], row["environment"] = len(packed.lights), packed.environment
     row["filter_radius"] = render.width / 2

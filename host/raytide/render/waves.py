@@ -36,7 +36,8 @@ Observer = Callable[[str, Buffer, int, int, Buffer, Buffer], None]  # label, que
 
 @dataclass
 class RayCounts:
-    """Rays traced: camera rays, and onward and shadow rays by the path edge of the vertex that they left.
+    """Rays traced: camera rays, onward and shadow rays by the path edge of the vertex that they left, and rays from the
+    lights (integrator photon).
 
     `mixed` are those of `reflection` and `shadow` that were traced in launches together with other edges.
     """
@@ -47,6 +48,7 @@ class RayCounts:
     mixed: dict[str, np.ndarray] = field(
         default_factory=lambda: {wave: np.zeros(EDGE_BINS, np.int64) for wave in ("reflection", "shadow")}
     )
+    emitted: int = 0
 
     def add(self, label: str, by_edges: np.ndarray) -> None:
         """Count the rays of one launch of "reflection[...]" or "shadow[...]"."""
@@ -58,7 +60,7 @@ class RayCounts:
 
     @property
     def total(self) -> int:
-        return self.primary + int(self.reflection.sum()) + int(self.shadow.sum())
+        return self.primary + self.emitted + int(self.reflection.sum()) + int(self.shadow.sum())
 
 
 @dataclass(frozen=True)
@@ -156,14 +158,14 @@ class Waves:
         self.traced_by: dict[str, str] = {}  # launch label -> variant that traced the last one
         slots = plan.capacity
         ray = RECORDS["Ray"].size
-        self._rays, self._shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
-        self._hits = device.empty(slots * RECORDS["Hit"].size)
-        self._scatterings = (device.empty(slots * 16),) if scene.opacity else ()
+        self.path_rays, self.shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
+        self.hits = device.empty(slots * RECORDS["Hit"].size)
+        self.scatterings = (device.empty(slots * 16),) if scene.opacity else ()
         self._media = (device.empty(slots * 16),) if scene.nested else ()
-        self._throughput, self._paths = device.empty(slots * 16), device.empty(slots * 16)
-        self._shadow_light, self._status = device.empty(slots * 16), device.empty(slots * 4)
-        self._queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
-        self._shadow_queue = device.empty(slots * 4)
+        self.throughput, self.paths = device.empty(slots * 16), device.empty(slots * 16)
+        self.shadow_light, self.status = device.empty(slots * 16), device.empty(slots * 4)
+        self.queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
+        self.shadow_queue = device.empty(slots * 4)
         self._chunk_counts = device.empty(-(-slots // PARTITION_CHUNK) * 2 * EDGE_BINS * 4)
         self._counters = device.empty(COUNTERS * 4)
         self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
@@ -181,6 +183,22 @@ class Waves:
         first_tile, tiles, first_sample, samples = chunk
         items = groups.count * TILE if groups else tiles * TILE * samples
         extra = groups.buffers if groups else ()
+
+        def begin(*place: int) -> None:
+            self._primary(extra, *place, first_tile, first_sample, samples)
+
+        if not self.walk(items, begin, self._shade, stopped):
+            return False
+        self.rays.primary += groups.samples if groups else self.pixels_of(first_tile, tiles) * samples
+        return True
+
+    def walk(
+        self, items: int, begin: Callable[[int, int, int], None],
+        scatter: Callable[[int, str], tuple[int, np.ndarray]], stopped: Callable[[], bool],
+    ) -> bool:  # fmt: skip
+        """Traces `items` paths to their ends. `begin(place in the queue, first item, items)` fills slots and traces
+        them; `scatter(paths, label of their shadow rays)` deals with what all queued ones met and gives those that go
+        on, and by edges."""
         self._reset_queue()
         begun = alive = 0
         edges = np.zeros(EDGE_BINS, np.int64)
@@ -191,41 +209,42 @@ class Waves:
             if alive <= self.plan.capacity // 2:
                 fresh = min((self.plan.capacity - alive) // TILE * TILE, items - begun)
             if fresh:
-                self._primary(extra, alive, begun, fresh, first_tile, first_sample, samples)
+                begin(alive, begun, fresh)
                 begun += fresh
             if alive:
                 label = _label("reflection", edges)
                 self.rays.add(label, edges)
-                self._extend(0, alive, label)
+                self.extend(0, alive, label)
             count = alive + fresh
             self.most_queued = max(self.most_queued, count)
-            alive, edges = self._shade(count, _label("shadow", self._next_edges(edges, fresh)))
-        self.rays.primary += groups.samples if groups else self.pixels_of(first_tile, tiles) * samples
+            alive, edges = scatter(count, _label("shadow", self._next_edges(edges, fresh)))
         return True
 
     def _reset_queue(self) -> None:
         """The first queue lists all slots in order again, so that a chunk never depends on the one before."""
-        self.device.write(self._queues[0], np.arange(self.plan.capacity, dtype=np.uint32))
+        self.device.write(self.queues[0], np.arange(self.plan.capacity, dtype=np.uint32))
 
     def _primary(self, extra: tuple[Buffer, ...], *numbers: int) -> None:
         """`numbers`: place in the queue, first item, items, first tile, first sample and samples of the chunk."""
         place, _, count = numbers[:3]
         self.device.launch(
             self.programs["primary"], "primary", count, 64,
-            self.scene.camera, self.settings, self._queues[0], *(np.uint32(x) for x in numbers),
-            self._rays, self._throughput, self._paths, self.samples, *self._scatterings, *self._media, *extra,
+            self.scene.camera, self.settings, self.queues[0], *(np.uint32(x) for x in numbers),
+            self.path_rays, self.throughput, self.paths, self.samples, *self.scatterings, *self._media, *extra,
             label="camera",
         )  # fmt: skip
-        self._extend(place, count, "primary")
+        self.extend(place, count, "primary", "camera")
 
-    def _extend(self, first: int, count: int, label: str) -> None:
+    def extend(self, first: int, count: int, label: str, kind: str = "indirect") -> None:
+        """Finds what `count` queued rays meet; `kind`, of RAY_KINDS, is what they are for."""
         if self.observe:
-            self.observe(label, self._queues[0], first, count, self._rays, self._paths)
-        self._trace("extend", label, count, self._queues[0], np.uint32(first), np.uint32(count), self._rays, self._hits)
+            self.observe(label, self.queues[0], first, count, self.path_rays, self.paths)
+        self._trace("extend", kind, label, count, self.queues[0], np.uint32(first), np.uint32(count), self.path_rays,
+                    self.hits)  # fmt: skip
 
-    def _trace(self, wave: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
+    def _trace(self, wave: str, kind: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
         """Traces `count` rays by the variant of the traversal that is fastest for them."""
-        geometry = self.scene.geometry("shadow" if wave == "shadow" else "camera" if label == "primary" else "indirect")
+        geometry = self.scene.geometry(kind)
 
         def launch(variant: Variant) -> None:
             name = wave + variant.suffix
@@ -237,50 +256,59 @@ class Waves:
     def _shade(self, count: int, label: str) -> tuple[int, np.ndarray]:
         """Shades `count` queued paths and traces their shadow rays, in a launch called `label`; gives the paths that go
         on, and by edges."""
-        scene, launch, n = self.scene, self.device.launch, np.uint32(count)
-        queue = self._queues[0]
-        launch(
-            self.programs["shade"], "shade", count, 64,
+        scene = self.scene
+        items, local = trace_launch(count, alone=self.device.kind == "gpu")
+        self.device.launch(
+            self.programs["shade"], "shade", items, local,
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
-            queue, n,
-            self._rays, self._hits, self._throughput, self._paths, self._status,
-            self._shadow_rays, self._shadow_light, self.samples, self.faults, *self._scatterings, *self._media,
+            self.queues[0], np.uint32(count),
+            self.path_rays, self.hits, self.throughput, self.paths, self.status,
+            self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings, *self._media,
             label="shade",
         )  # fmt: skip
-        self._partition(n)
+        return self.follow(count, label, "shadow", self.samples)
+
+    def follow(
+        self, count: int, label: str, kind: str, results: Buffer, then: Callable[[int], None] = lambda shadow: None
+    ) -> tuple[int, np.ndarray]:
+        """What `count` shaded paths asked for: queues those that go on, and adds the light of shadow rays that nothing
+        stops to `results`, in a launch called `label`; `kind`, of RAY_KINDS, is what these are for. `then` gets their
+        number. Gives the paths that go on, and by edges."""
+        self._partition(np.uint32(count))
         counters = self.device.read_later(self._counters, np.uint32, COUNTERS)
         if "shadow" in self.programs:
             asked = self.observe or not self.trial.is_settled(kind_of(label))  # who looks or measures wants the number
-            self._shadow(label, int(counters()[COUNTER_SHADOW]) if asked else count)
+            self._shadow(label, kind, int(counters()[COUNTER_SHADOW]) if asked else count, results)
         alive, shadow, *by_edges = counters().tolist()
         if max(alive, shadow) > count:
             raise DeviceError(f"queues overflow: {alive} paths and {shadow} shadow rays came of {count} paths")
+        then(shadow)
         onward, shadows = np.array(by_edges, np.int64).reshape(2, EDGE_BINS)
         self.rays.add(label, shadows)
-        self._queues.reverse()
+        self.queues.reverse()
         return alive, onward
 
     def _partition(self, n: np.uint32) -> None:
         """Puts the paths that go on and the free slots into the next queue, and shadow rays into theirs."""
         launch, program, chunks = self.device.launch, self.programs["partition"], -(-int(n) // PARTITION_CHUNK)
-        queue, following = self._queues
-        launch(program, "partition_count", chunks, 64, n, self._status, self._chunk_counts, label="partition")
+        queue, following = self.queues
+        launch(program, "partition_count", chunks, 64, n, self.status, self._chunk_counts, label="partition")
         launch(program, "partition_scan", 1, 1, n, self._chunk_counts, self._counters, label="partition")
         launch(
             program, "partition_scatter", -(-self.plan.capacity // PARTITION_CHUNK), 64,
-            n, np.uint32(self.plan.capacity), self._status, self._chunk_counts, self._counters,
-            queue, following, self._shadow_queue,
+            n, np.uint32(self.plan.capacity), self.status, self._chunk_counts, self._counters,
+            queue, following, self.shadow_queue,
             label="partition",
         )  # fmt: skip
 
-    def _shadow(self, label: str, most: int) -> None:
+    def _shadow(self, label: str, kind: str, most: int, results: Buffer) -> None:
         """Traces the shadow rays in their queue, `most` or fewer: the device knows how many, and the host need not wait
         to hear it."""
         if self.observe and most:
-            self.observe(label, self._shadow_queue, 0, most, self._shadow_rays, self._paths)
+            self.observe(label, self.shadow_queue, 0, most, self.shadow_rays, self.paths)
         if most:
-            self._trace("shadow", label, most, *self.scene.masks, self._shadow_queue, self._counters,
-                        self._shadow_rays, self._shadow_light, self.samples)  # fmt: skip
+            self._trace("shadow", kind, label, most, *self.scene.masks, self.shadow_queue, self._counters,
+                        self.shadow_rays, self.shadow_light, results)  # fmt: skip
 
     def _next_edges(self, edges: np.ndarray, fresh: int) -> np.ndarray:
         """By path edges, (EDGE_BINS,), what may leave the vertices that are shaded next, where only zero or not counts:

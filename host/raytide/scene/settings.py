@@ -15,7 +15,10 @@ DEFAULT_WIDTH = {  # the Gaussian is cut at 2 pixels = 4 sigma of 0.5
 class RenderSettings(Table):
     """How to render, apart from what is seen."""
 
-    integrator: Literal["path", "local"] = key("path", doc="path: global light; local: direct light and mirrors only")
+    integrator: Literal["path", "local", "photon"] = key(
+        "path", doc="path: global light; local: direct light and mirrors only; photon: global light traced from the "
+        "lights to the camera, for caustics"
+    )
     spp: Count = key(64, low=1, high=2**24, unit="samples a pixel", doc="samples for each pixel")
     time: Seconds | None = key(None, above=0, doc="end after this time of rendering, set-up apart")
     error: Share | None = key(

@@ -1,0 +1,238 @@
+#pragma OPENCL FP_CONTRACT OFF
+#include "base/portable.cl"
+#include "base/vector.cl"
+#include "base/math.cl"
+// Eight vectors side by side, one a lane, for CPUs whose compiler does not join work-items. Every function does in each
+// lane what the one of base/vector.cl, frame.cl, math.cl or warp.cl without the 8 in its name does, operation by
+// operation: whether something was shaded alone or among eight changes no bit. Change one, change the other.
+
+#if DEVICE_CPU
+#define LANES 8u
+
+typedef struct {
+    float8 x;
+    float8 y;
+    float8 z;
+} Vector8;
+
+static Vector8 vector8(const float8 x, const float8 y, const float8 z)
+{
+    Vector8 out;
+    out.x = x;
+    out.y = y;
+    out.z = z;
+    return out;
+}
+
+static Vector8 add8(const Vector8 a, const Vector8 b) { return vector8(a.x + b.x, a.y + b.y, a.z + b.z); }
+static Vector8 subtract8(const Vector8 a, const Vector8 b) { return vector8(a.x - b.x, a.y - b.y, a.z - b.z); }
+static Vector8 multiply8(const Vector8 a, const Vector8 b) { return vector8(a.x * b.x, a.y * b.y, a.z * b.z); }
+static Vector8 scale8(const Vector8 a, const float8 f) { return vector8(a.x * f, a.y * f, a.z * f); }
+static Vector8 negate8(const Vector8 a) { return vector8(-a.x, -a.y, -a.z); }
+static float8 dot8(const Vector8 a, const Vector8 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+static Vector8 magnitudes8(const Vector8 a) { return vector8(abs8(a.x), abs8(a.y), abs8(a.z)); }
+static float8 largest_of8(const Vector8 a) { return max8(a.x, max8(a.y, a.z)); }
+
+static Vector8 choose8(const int8 which, const Vector8 yes, const Vector8 no)
+{
+    return vector8(which ? yes.x : no.x, which ? yes.y : no.y, which ? yes.z : no.z);
+}
+
+// One lane, taken out or put in.
+static float lane_of(const float8 *v, const uint k) { return ((const float *)v)[k]; }
+static float3 lane3_of(const Vector8 *v, const uint k)
+{
+    return (float3)(lane_of(&v->x, k), lane_of(&v->y, k), lane_of(&v->z, k));
+}
+static uint lane_bits(const uint8 *v, const uint k) { return ((const uint *)v)[k]; }
+static void set_lane(float8 *v, const uint k, const float value) { ((float *)v)[k] = value; }
+static void set_lane3(Vector8 *v, const uint k, const float3 value)
+{
+    set_lane(&v->x, k, value.x);
+    set_lane(&v->y, k, value.y);
+    set_lane(&v->z, k, value.z);
+}
+
+static float8 difference_of_products8(const float8 a, const float8 b, const float8 c, const float8 d)
+{
+    const float8 product = c * d;
+    const float8 error = fma8(-c, d, product);
+    return fma8(a, b, -product) + error;
+}
+
+static Vector8 cross8(const Vector8 a, const Vector8 b)
+{
+    return vector8(difference_of_products8(a.y, b.z, a.z, b.y), difference_of_products8(a.z, b.x, a.x, b.z),
+                   difference_of_products8(a.x, b.y, a.y, b.x));
+}
+
+static float8 scale_to_one8(const float8 x) { return as_float8(0x7f000000u - (as_uint8(x) & 0x7f800000u)); }
+
+static Vector8 renormalize8(const Vector8 v) { return scale8(v, 1.5f - 0.5f * dot8(v, v)); }
+
+// Whether all squares of lengths are where neither length nor unit vector needs care.
+static int are_safe8(const float8 square)
+{
+    return movemask8((square >= SAFE_SQUARE_MIN) & (square <= SAFE_SQUARE_MAX)) == 0xffu;
+}
+
+// The careful way, a lane at a time; apart, so that nothing else needs its vectors in memory.
+static float8 careful_length8(const Vector8 v)
+{
+    float8 out;
+    for (uint k = 0u; k < LANES; k++) {
+        set_lane(&out, k, length3(lane3_of(&v, k)));
+    }
+    return out;
+}
+
+static Vector8 careful_normalize8(const Vector8 v)
+{
+    Vector8 out;
+    for (uint k = 0u; k < LANES; k++) {
+        set_lane3(&out, k, normalize3(lane3_of(&v, k)));
+    }
+    return out;
+}
+
+static float8 length8(const Vector8 v)
+{
+    const float8 square = dot8(v, v);
+    return are_safe8(square) ? sqrt8(square) : careful_length8(v);
+}
+
+static Vector8 normalize8(const Vector8 v)
+{
+    const float8 square = dot8(v, v);
+    if (are_safe8(square)) {
+        return scale8(v, 1.0f / sqrt8(square));
+    }
+    return careful_normalize8(v);
+}
+
+typedef struct {
+    Vector8 s;
+    Vector8 t;
+    Vector8 n;
+} Frame8;
+
+static Frame8 frame_of8(const Vector8 n)
+{
+    const float8 side = n.z < 0.0f ? (float8)(-1.0f) : (float8)(1.0f);
+    const float8 a = -1.0f / (side + n.z);
+    const float8 b = n.x * n.y * a;
+    Frame8 frame;
+    frame.s = vector8(1.0f + side * n.x * n.x * a, side * b, -side * n.x);
+    frame.t = vector8(b, side + n.y * n.y * a, -n.y);
+    frame.n = n;
+    return frame;
+}
+
+static Vector8 to_world8(const Frame8 frame, const Vector8 v)
+{
+    return add8(add8(scale8(frame.s, v.x), scale8(frame.t, v.y)), scale8(frame.n, v.z));
+}
+
+static Vector8 to_local8(const Frame8 frame, const Vector8 v)
+{
+    return vector8(dot8(frame.s, v), dot8(frame.t, v), dot8(frame.n, v));
+}
+
+static void sin_cos_octant8(const float8 x, float8 *s, float8 *c)
+{
+    const float8 z = x * x;
+    const float8 p_high = fma8((float8)(-1.951726736e-4f), z, (float8)(8.332177997e-3f));
+    const float8 q_high = fma8((float8)(2.443841549e-5f), z, (float8)(-1.388736768e-3f));
+    const float8 p = fma8(p_high, z, (float8)(-1.666665524e-1f));
+    const float8 q = fma8(q_high, z, (float8)(4.166664556e-2f));
+    *s = fma8(x * z, p, x);
+    *c = fma8(z * z, q, 1.0f - 0.5f * z);
+}
+
+static Vector8 cosine_hemisphere8(const float8 u, const float8 v)
+{
+    const float8 a = 2.0f * u - 1.0f;
+    const float8 b = 2.0f * v - 1.0f;
+    const int8 steep = b * b > a * a;
+    const float8 r = steep ? b : a;
+    const float8 other = steep ? a : b;
+    const float8 ratio = other / (r != 0.0f ? r : (float8)(1.0f));
+    float8 s, c;
+    sin_cos_octant8(QUARTER_PI * ratio, &s, &c);
+    const float8 x = r * (steep ? s : c);
+    const float8 y = r * (steep ? c : s);
+    const float8 squared = 1.0f - (x * x + y * y);
+    return vector8(x, y, sqrt8(squared > 1.4901161e-8f ? squared : (float8)(1.4901161e-8f)));
+}
+
+static float8 power_heuristic8(const float8 own, const float8 other)
+{
+    const float8 ratio = own == other ? (float8)(1.0f) : other / own;
+    return 1.0f / (1.0f + ratio * ratio);
+}
+
+// Four numbers of eight things, number by number.
+typedef struct {
+    float8 x;
+    float8 y;
+    float8 z;
+    float8 w;
+} Rows8;
+
+static Vector8 xyz8(const Rows8 r) { return vector8(r.x, r.y, r.z); }
+
+// Lanes 0 to 3 of `low` columns and 4 to 7 of `high` ones: columns to rows, which is its own inverse.
+static Rows8 transposed8(const float8 a, const float8 b, const float8 c, const float8 d)
+{
+    const float8 ab_low = (float8)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
+    const float8 ab_high = (float8)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
+    const float8 cd_low = (float8)(c.s0, d.s0, c.s1, d.s1, c.s4, d.s4, c.s5, d.s5);
+    const float8 cd_high = (float8)(c.s2, d.s2, c.s3, d.s3, c.s6, d.s6, c.s7, d.s7);
+    Rows8 out;
+    out.x = (float8)(ab_low.s01, cd_low.s01, ab_low.s45, cd_low.s45);
+    out.y = (float8)(ab_low.s23, cd_low.s23, ab_low.s67, cd_low.s67);
+    out.z = (float8)(ab_high.s01, cd_high.s01, ab_high.s45, cd_high.s45);
+    out.w = (float8)(ab_high.s23, cd_high.s23, ab_high.s67, cd_high.s67);
+    return out;
+}
+
+// The rows of four numbers at `index`.
+static Rows8 rows_at(global const float4 *rows, const uint8 index)
+{
+    return transposed8((float8)(rows[index.s0], rows[index.s4]), (float8)(rows[index.s1], rows[index.s5]),
+                       (float8)(rows[index.s2], rows[index.s6]), (float8)(rows[index.s3], rows[index.s7]));
+}
+
+// Writes them there where the lane's bit is set in `lanes`.
+static void put_rows(global float4 *rows, const uint8 index, const Rows8 r, const uint lanes)
+{
+    const Rows8 t = transposed8(r.x, r.y, r.z, r.w);
+    if (lanes == 0xffu) {
+        rows[index.s0] = t.x.lo;
+        rows[index.s1] = t.y.lo;
+        rows[index.s2] = t.z.lo;
+        rows[index.s3] = t.w.lo;
+        rows[index.s4] = t.x.hi;
+        rows[index.s5] = t.y.hi;
+        rows[index.s6] = t.z.hi;
+        rows[index.s7] = t.w.hi;
+        return;
+    }
+    const float8 columns[4] = {t.x, t.y, t.z, t.w};
+    for (uint rest = lanes; rest != 0u; rest &= rest - 1u) {
+        const uint k = ctz_of(rest);
+        rows[lane_bits(&index, k)] = k < 4u ? columns[k].lo : columns[k - 4u].hi;
+    }
+}
+
+static Rows8 rows8(const Vector8 v, const float8 w)
+{
+    Rows8 out;
+    out.x = v.x;
+    out.y = v.y;
+    out.z = v.z;
+    out.w = w;
+    return out;
+}
+#endif

@@ -1,0 +1,162 @@
+#pragma OPENCL FP_CONTRACT OFF
+// Lights of eight vertices at once, and the rays that leave these. Included by wave/wide_shade.cl.
+#include "base/wide.cl"
+#include "accel/wide_surface.cl"
+#include "dispatch/light.cl"
+#include "wave/fault.cl"
+#include "wave/vertex.cl"
+#include "wave/wide_vertex.cl"
+
+#if WIDE_SHADING
+#if HAS_LIGHTS
+#if HAS_LIGHT_TREE
+// pick_light, a lane at a time.
+static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 u, const uint8 slot,
+                           float8 *probability LEFT_NORMALS_ARGUMENT)
+{
+    const Vertices8 all = *v;
+    const Rows8 numbers = u;
+    uint8 out = (uint8)(0u);
+    for (uint rest = v->lanes; rest != 0u; rest &= rest - 1u) {
+        const uint k = ctz_of(rest);
+        const uint place = lane_bits(&slot, k);
+        const int both_sides = (lane_bits(&all.flags, k) & MATERIAL_TRANSMITS) != 0u;
+        left_normals[place] = packed_normal(both_sides ? (float3)(0.0f) : lane3_of(&all.frame.n, k));
+        float one;
+        const uint light = pick_light(lights, LIGHT_PLACE_AT(lane3_of(&all.surface.p, k), place),
+                                      (float2)(lane_of(&numbers.z, k), lane_of(&numbers.w, k)), &one);
+        set_bits(&out, k, light);
+        set_lane(probability, k, one);
+    }
+    return out;
+}
+#else
+static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 u, const uint8 slot,
+                           float8 *probability)
+{
+    const ulong8 bits = ulong8_of(uint8_of(u.z * 16777216.0f)) << 16 | ulong8_of(uint8_of(u.w * 65536.0f));
+    const ulong8 place = bits * lights.count;
+    const uint8 row = low_bits8(place >> 40);
+    const float8 share = float8_of(as_int8(low_bits8(place >> 16) & 0xffffffu)) * 5.9604644775390625e-8f;  // 2^-24
+    const Rows8 head = rows_at((global const float4 *)lights.table, row * LIGHT_ROWS);
+    const uint8 picked = share < head.w ? row : as_uint8(head.z);
+    *probability = rows_at((global const float4 *)&lights.table->position, picked * LIGHT_ROWS).w;
+    return picked;
+}
+#endif
+
+#if HAS_EMITTER
+// emitter_sample of triangles.
+static LightSamples8 triangle_lights(global const Light *table, const Geometry g, const uint8 prim, const uint8 light,
+                                     const Vector8 from, const Rows8 u)
+{
+    const uint8 row = light * LIGHT_ROWS;
+    const Vector8 ng = xyz8(rows_at((global const float4 *)&table->direction, row));
+    const Rows8 extra = rows_at((global const float4 *)&table->extra, row);
+    const Corners8 corners = corners_of(g, triangle_rows(g, prim));
+    const int8 above = u.y > u.x;
+    const float8 half_low = 0.5f * (above ? u.x : u.y);
+    const float8 rest = (above ? u.y : u.x) - half_low;
+    const Vector8 p = triangle_point8(corners, above ? half_low : rest, above ? rest : half_low);
+    const float8 error = triangle_error8(corners, ng);
+    const float8 pdf = density_by_area8(from, p, ng, extra.y);
+    const Vector8 to = subtract8(p, from);
+    const float8 front = -dot8(ng, to);
+    const int8 shines = (front > 0.0f) | ((extra.x != 0.0f) & (front < 0.0f));
+    const float8 lift = error + 4.0f * UNIT_ROUNDOFF * dot8(magnitudes8(ng), magnitudes8(to));
+    LightSamples8 out;
+    out.to = add8(to, scale8(ng, front > 0.0f ? lift : -lift));
+    out.radiance = xyz8(rows_at((global const float4 *)&table->radiance, row));
+    out.pdf = shines ? pdf : (float8)(0.0f);
+    out.delta = (uint8)(0u);
+    out.infinite = (uint8)(0u);
+    return out;
+}
+#endif
+
+// light_sample for lights of any kind, put among those that are there.
+static LightSamples8 further_lights(global const Light *table, const Geometry g, const uint8 light, const Vector8 from,
+                                    const Rows8 u, const LightSamples8 known, const uint lanes)
+{
+    LightSamples8 out = known;
+    for (uint rest = lanes; rest != 0u; rest &= rest - 1u) {
+        const uint k = ctz_of(rest);
+        const LightSample one = light_sample(table + lane_bits(&light, k), g, lane3_of(&from, k),
+                                             (float2)(lane_of(&u.x, k), lane_of(&u.y, k)));
+        set_lane3(&out.to, k, one.to);
+        set_lane3(&out.radiance, k, one.radiance);
+        set_lane(&out.pdf, k, one.pdf);
+        set_bits(&out.delta, k, one.delta);
+        set_bits(&out.infinite, k, one.infinite);
+    }
+    return out;
+}
+
+static LightSamples8 sampled_lights(const Lights lights, const Geometry g, const Vertices8 *v, const Rows8 u,
+                                    const uint8 slot LEFT_NORMALS_ARGUMENT)
+{
+    float8 probability;
+    const uint8 light = picked_lights(lights, v, u, slot, &probability LEFT_NORMALS);
+    LightSamples8 out;
+#if HAS_EMITTER
+    const Rows8 head = rows_at((global const float4 *)lights.table, light * LIGHT_ROWS);
+    const uint8 prim = as_uint8(head.y);
+    const int8 flat = (as_uint8(head.x) == LIGHT_EMITTER) & (prim < g.triangle_count);
+    const uint others = v->lanes & ~movemask8(flat);
+    out = triangle_lights(lights.table, g, flat ? prim : (uint8)(0u), light, v->surface.p, u);
+#else
+    const uint others = v->lanes;
+    out.to = out.radiance = vector8((float8)(0.0f), (float8)(0.0f), (float8)(0.0f));
+    out.pdf = (float8)(0.0f);
+    out.delta = out.infinite = (uint8)(0u);
+#endif
+    if (others != 0u) {
+        out = further_lights(lights.table, g, light, v->surface.p, u, out, others);
+    }
+    out.pdf = out.pdf * probability;
+    return out;
+}
+#endif
+
+// Lanes of `lanes` where what is carried along a ray and the ray itself are sound, in the sense of wave/fault.cl.
+static uint sound_lanes(const Vector8 carried, const Vector8 origin, const Vector8 direction, const uint lanes)
+{
+    const float8 sum = carried.x + carried.y + carried.z;
+    const float8 least = min8(carried.x, min8(carried.y, carried.z));
+    const Vector8 none = add8(scale8(origin, (float8)(0.0f)), scale8(direction, (float8)(0.0f)));
+    return lanes & movemask8((least >= 0.0f) & (sum <= LARGEST_FLOAT) & (none.x + none.y + none.z == 0.0f));
+}
+
+#if HAS_LIGHTS
+// sample_direct: stores rays and their light; gives the lanes that ask whether they arrive. Those where anything is
+// unsound leave v->lanes.
+static uint direct_of(const Lights lights, const Geometry g, global const Material *materials, Vertices8 *v,
+                      const Rows8 u, const uint8 slot, const uint8 prim, const uint8 sample, global Ray *shadow_rays,
+                      global float4 *shadow_light LEFT_NORMALS_ARGUMENT)
+{
+    if (lights.count == 0u) {
+        return 0u;
+    }
+    const LightSamples8 light = sampled_lights(lights, g, v, u, slot LEFT_NORMALS);
+    const Vector8 wi = normalize8(light.to);
+    const Vector8 wi_local = to_local8(v->frame, wi);
+    const float8 same_side = dot8(wi, v->normal) * (v->wo.z < 0.0f ? -wi_local.z : wi_local.z);
+    const uint lit = v->lanes & movemask8((light.pdf > 0.0f) & (same_side > 0.0f));
+    const Rows8 bsdf = values_of(materials, v, wi_local, lit);
+    const float8 shared = power_heuristic8(light.pdf, bsdf.w);
+    const float8 weight = light.delta != 0u ? (float8)(1.0f) : shared;
+    const Vector8 arriving = scale8(multiply8(multiply8(v->state, xyz8(bsdf)), light.radiance), weight / light.pdf);
+    const Vector8 origin = spawn_origin8(&v->surface, wi);
+    const int8 infinite = light.infinite != 0u;
+    const Vector8 target = subtract8(light.to, subtract8(origin, v->surface.p));
+    const Rows8 direction = rows8(choose8(infinite, wi, target), infinite ? (float8)(T_MAX_FREE) : (float8)(1.0f));
+    const uint asks = lit & movemask8(arriving.x + arriving.y + arriving.z != 0.0f);
+    const uint sound = sound_lanes(arriving, origin, xyz8(direction), asks);
+    v->lanes &= movemask8((light.pdf == light.pdf) & (same_side == same_side)) & ~(asks & ~sound);
+    put_rows((global float4 *)&shadow_rays->origin, slot * 2u, rows8(origin, as_float8(prim)), v->lanes);
+    put_rows((global float4 *)&shadow_rays->direction, slot * 2u, direction, v->lanes);
+    put_rows(shadow_light, slot, rows8(arriving, as_float8(sample)), v->lanes);
+    return asks;
+}
+#endif
+#endif

@@ -1,0 +1,125 @@
+#pragma OPENCL FP_CONTRACT OFF
+// What one step along a queue shades at once. Included by wave/shade.cl.
+#include "base/mis.cl"
+#include "base/portable.cl"
+#include "base/wide.cl"
+#include "base/wide_sampler.cl"
+#include "wave/path.cl"
+#include "wave/shading.cl"
+#include "wave/vertex.cl"
+#include "wave/wide_vertex.cl"
+#include "wave/wide_light.cl"
+
+#if DEVICE_GPU
+#define GROUP_SLOTS 1u
+#else
+#define GROUP_SLOTS 8u
+#endif
+
+// Asks for the state of the slots that come a group later, and of a last one again where there are none.
+static void prefetch_group(const Shading *s, const uint i)
+{
+    const uint last = s->count - 1u;
+    for (uint k = i + GROUP_SLOTS; k < i + 2u * GROUP_SLOTS; k++) {
+        const uint later = s->queue[k < last ? k : last];
+        PREFETCH(s->rays + later);
+        PREFETCH(s->hits + later);
+        PREFETCH(s->paths + later);
+        PREFETCH(s->throughput + later);
+    }
+}
+
+#if WIDE_SHADING
+// sample_onward: stores the next rays; gives the lanes that go on. Those where anything is unsound leave v->lanes.
+static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const uint8 prim, const Rows8 path,
+                      const Rows8 u)
+{
+    const uint8 edge = as_uint8(path.y) & PATH_EDGES;
+    const BsdfSamples8 bsdf = samples_of(s->materials, v, u);
+    const Vector8 wi = to_world8(v->frame, bsdf.wi);
+    const float8 side = dot8(wi, v->normal);
+    const int8 passes = (bsdf.flags & BSDF_TRANSMIT) != 0u ? side < 0.0f : side > 0.0f;
+    const Vector8 before = multiply8(v->state, bsdf.weight);
+    const float8 strongest = max8(before.x, max8(before.y, before.z));
+    const uint start = s->settings->roulette_start;
+    const int8 gambles = start != 0u ? edge >= start : (int8)(0);
+    const float8 survival = max8(min8(strongest, (float8)(1.0f)), (float8)(9.5367432e-7f));
+    const Vector8 after = choose8(gambles, scale8(before, 1.0f / survival), before);
+    const uint alive = v->lanes & movemask8((bsdf.pdf > 0.0f) & passes & (~gambles | (u.w < survival)) &
+                                            ((strongest > 0.0f) | (strongest != strongest)));
+    const Vector8 origin = spawn_origin8(&v->surface, wi);
+    const uint sound = sound_lanes(after, origin, wi, alive);
+    v->lanes &= movemask8((bsdf.pdf == bsdf.pdf) & (side == side)) & ~(alive & ~sound);
+    global float4 *rays = (global float4 *)s->rays;
+    put_rows(rays, slot * 2u, rows8(origin, as_float8(prim)), v->lanes);
+    put_rows(rays, slot * 2u + 1u, rows8(wi, (float8)(T_MAX_FREE)), v->lanes);
+    put_rows(s->throughput, slot, rows8(after, bsdf.pdf), v->lanes);
+    const uint8 words = (edge + 1u) | ((bsdf.flags & BSDF_DELTA) != 0u ? (uint8)(PATH_DELTA) : (uint8)(0u));
+    Rows8 following = path;
+    following.y = as_float8(words);
+    put_rows((global float4 *)s->paths, slot, following, v->lanes);
+    return alive;
+}
+
+// Something was hit; what camera rays of `lanes` saw.
+static void note_hits(const Shading *s, const uint lanes, const uint8 sample)
+{
+    for (uint rest = lanes; rest != 0u; rest &= rest - 1u) {
+        s->samples[lane_bits(&sample, ctz_of(rest))] += (float4)(0.0f, 0.0f, 0.0f, 1.0f);
+    }
+}
+
+// Shades the slots from `i` on, of which those before `end` count; gives the lanes that are left to be shaded alone:
+// those that met no triangle, met a light, or are unsound.
+static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT)
+{
+    prefetch_group(s, i);
+    if (end - i < LANES) {
+        return (1u << (end - i)) - 1u;
+    }
+    const uint8 slot = *(global const uint8 *)(s->queue + i);
+    const Rows8 hit = rows_at((global const float4 *)s->hits, slot);
+    const Rows8 direction = rows_at((global const float4 *)s->rays, slot * 2u + 1u);
+    const uint8 found = as_uint8(hit.w);
+    const uint held = movemask8(direction.w > 0.0f);
+    const uint lanes = held & movemask8(found < s->g.triangle_count);
+    *(global uint8 *)(s->status + i) = (uint8)(0u);
+    if (lanes == 0u) {
+        return held;
+    }
+    const uint8 prim = found < s->g.triangle_count ? found : (uint8)(0u);
+    const Rows8 path = rows_at((global const float4 *)s->paths, slot);
+    const Rows8 state = rows_at(s->throughput, slot);
+    const uint8 edge = as_uint8(path.y) & PATH_EDGES;
+    Vertices8 v = vertices_of(s->g, s->objects, s->materials, prim, hit, xyz8(direction), xyz8(state), lanes);
+    const uint alone = held & ~v.lanes;
+    const uint first = v.lanes & movemask8(edge == 1u);
+    const uint8 sample = as_uint8(path.x);
+    const uint scattering = v.lanes & movemask8((v.kind != MATERIAL_EMISSIVE) & (edge < s->settings->max_depth));
+    if (scattering == 0u) {
+        note_hits(s, first, sample);
+        return alone;
+    }
+    v.lanes = scattering;
+    const Sampler8 sampler = samplers_for(s->settings, as_uint8(path.z), as_uint8(path.w));
+    uint asking = 0u;
+#if HAS_LIGHTS
+    asking = direct_of(s->lights, s->g, s->materials, &v, sample_4d_of8(sampler, SET_LIGHT(edge)), slot, prim, sample,
+                       s->shadow_rays, s->shadow_light LEFT_NORMALS);
+#endif
+    const uint living = onward_of(s, &v, slot, prim, path, sample_4d_of8(sampler, SET_BSDF(edge)));
+    const uint8 bit = (uint8)(1u, 2u, 4u, 8u, 16u, 32u, 64u, 128u);
+    const uint8 next = ((living & bit) != 0u ? (uint8)(STATUS_ALIVE) : (uint8)(0u)) |
+                       ((asking & bit) != 0u ? (uint8)(STATUS_SHADOW) : (uint8)(0u)) | edge << STATUS_EDGES_SHIFT;
+    *(global uint8 *)(s->status + i) = (v.lanes & bit) != 0u ? next : (uint8)(0u);
+    const uint unsound = scattering & ~v.lanes;
+    note_hits(s, first & ~unsound, sample);
+    return alone | unsound;
+}
+#else
+static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT)
+{
+    prefetch_group(s, i);
+    return end - i < GROUP_SLOTS ? (1u << (end - i)) - 1u : (1u << GROUP_SLOTS) - 1u;
+}
+#endif

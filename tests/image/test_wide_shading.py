@@ -1,0 +1,66 @@
+"""CPUs shade eight vertices at once where a scene allows it: that must not show in any bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import raytide as rt
+from raytide.device import Device
+
+CORNERS = np.array([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1), (0, 1.5, 0)], float)
+PYRAMID = [(0, 1, 2), (0, 2, 3), (1, 0, 4), (2, 1, 4), (3, 2, 4), (0, 3, 4)]
+MATERIALS = {
+    "diffuse": rt.Diffuse((0.7, 0.5, 0.3)),
+    "mirror": rt.Mirror(0.9),
+    "glass": rt.Dielectric(1.5),
+    "gold": rt.RoughConductor("gold", roughness=0.2),
+}
+
+
+def scene_of_meshes(masked: bool, **settings: object) -> rt.Scene:
+    """Meshes, flat and with vertex normals, spheres, and all kinds of lights. `masked`: and far out of sight something
+    that light passes, which no eight vertices at once are shaded with."""
+    scene = rt.Scene(camera=rt.Camera(origin=(0, 3, 9), target=(0, 1, 0), fov=42, size=(37, 22)))
+    scene.render = rt.RenderSettings(**settings)
+    ground = [(-8, 0, -8), (-8, 0, 8), (8, 0, 8), (8, 0, -8)]
+    scene.add(rt.mesh(vertices=ground, faces=[(0, 1, 2), (0, 2, 3)]), rt.Diffuse(0.5), name="ground")
+    for place, (name, material) in enumerate(MATERIALS.items()):
+        shape = rt.mesh(vertices=CORNERS, faces=PYRAMID, smooth=place % 2 == 1)
+        shape = shape.translate(2.2 * place - 4.4, 0, place % 3)
+        scene.add(shape, material, name=name)
+    scene.add(rt.sphere((0, 0.5, 3.5), 0.5), rt.Diffuse(0.6), name="ball")
+    lamp = [(-1, 5, -1), (1, 5, -1), (1, 5, 1), (-1, 5, 1)]
+    scene.add(rt.mesh(vertices=lamp, faces=[(0, 1, 2), (0, 2, 3)]), rt.Emit(8.0), name="lamp")
+    scene.add(rt.disk(center=(4, 2, 0), normal=(-1, 0, 0), radius=0.5), rt.Emit((4.0, 1.0, 1.0)), name="port")
+    scene.add(rt.point((3, 6, 5), intensity=60.0), name="bulb")
+    scene.add(rt.directional((0.3, -1, 0.2), irradiance=0.5), name="sun")
+    scene.add(rt.sky((0.2, 0.25, 0.35)), name="sky")
+    if masked:
+        scene.add(rt.sphere((0, 0, 1000.0), 0.1), rt.Diffuse(0.5, opacity=0.5), name="veil")
+    return scene
+
+
+def image(device: Device, scene: rt.Scene, **more: object) -> np.ndarray:
+    with rt.Renderer(scene, device, **more) as renderer:
+        film = renderer.render()
+        assert renderer.health() == {"non_finite": 0, "negative": 0}
+        return film.rgb
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"light_choice": "power", "sampler": "blue_noise"}, {"light_choice": "tree", "sampler": "random"}],
+    ids=["power, blue noise", "tree, random numbers"],
+)
+def test_shading_eight_vertices_at_once_changes_no_bit(device: Device, settings: dict[str, object]) -> None:
+    together = image(device, scene_of_meshes(False, spp=8, max_depth=9, roulette_start=3, **settings))
+    alone = image(device, scene_of_meshes(True, spp=8, max_depth=9, roulette_start=3, **settings))
+    assert together.mean() > 0.1
+    np.testing.assert_array_equal(together.view(np.uint32), alone.view(np.uint32))
+
+
+def test_waves_that_are_no_multiple_of_eight_change_no_bit(device: Device) -> None:
+    whole = image(device, scene_of_meshes(False, spp=4))
+    small = image(device, scene_of_meshes(False, spp=4), memory=1 << 16)
+    np.testing.assert_array_equal(whole.view(np.uint32), small.view(np.uint32))
