@@ -235,6 +235,9 @@ static float3 environment_seen(const Lights lights, const LightPlace from, globa
         return suns;
     }
     global const Light *sky = lights.table + settings->environment;
+#if HAS_CHANCE_SKY
+    return suns + xyz(state) * light_seen(sky, g, wi);
+#else
     Surface none;
     none.p = wi;
     none.ng = -wi;
@@ -245,6 +248,7 @@ static float3 environment_seen(const Lights lights, const LightPlace from, globa
     none.prim = NONE;
     const float pdf = pick_probability(lights, settings->environment, from) * light_pdf(sky, g, from.p, none, wi);
     return suns + xyz(state) * light_seen(sky, g, wi) * chance_weight(settings, path_edges, state.w, pdf);
+#endif
 }
 #endif
 

@@ -78,7 +78,7 @@ def sheets(path: Path) -> rt.Scene:
     scene.add(rt.point((1, 4, -1), 40), name="lamp")
     scene.add(rt.mesh(vertices=points, faces=faces, uv=(points[:, [0, 2]] + 1) / 2), rt.Diffuse(0.5), name="a")
     place = rt.instance("a").scale((2, 0.7, 0.8)).rotate((1, 1, 0), 35).translate(-1.6, 0.4, 0)
-    scene.add(place, rt.Diffuse(0.8, bump_map="heights", bump_scale=0.2), name="bumps")
+    scene.add(place, rt.Diffuse(0.8, bump_map="heights", bump_scale=0.4), name="bumps")
     place = rt.instance("a").scale((-1, 1, 1.5)).rotate("y", 25).translate(1.8, 0.6, 0)
     scene.add(place, rt.RoughConductor("silver", roughness_u=0.08, roughness_v=0.4), name="brushed")
     return scene

@@ -177,14 +177,14 @@ def _shape(features: Features) -> str:
 
 
 def _light(features: Features) -> str:
-    present = features.lights
-    hit = tuple(kind for kind in present if kind == "emitter" or kind in SKIES)
+    present, picked = features.lights, features.picked_lights
+    hit = tuple(kind for kind in picked if kind == "emitter" or kind in SKIES)
     out = ['#include "base/light_sample.cl"', '#include "base/light_emission.cl"']
     out += [f'#include "light/{"tree" if features.light_tree else "pick"}.cl"']
     out += [f'#include "light/{kind}.cl"' for kind in present]
     out.append(
         "static LightSample light_sample(global const Light *l, const Geometry g, const float3 from, const float2 u)\n"
-        "{\n" + _switch("l->kind", "LIGHT", present, "{kind}_sample(l, g, from, u)", "no_light_sample()") + "\n}"
+        "{\n" + _switch("l->kind", "LIGHT", picked, "{kind}_sample(l, g, from, u)", "no_light_sample()") + "\n}"
     )
     out.append(
         "static float light_pdf(global const Light *l, const Geometry g, const float3 from, const Surface s,\n"

@@ -11,6 +11,7 @@ from functools import cache
 from raytide.kernels.paths import kernel_dir
 
 SKIES = ("environment", "environment_map", "sun")  # lights that rays without a hit see
+WHOLE_SKIES = ("environment", "environment_map")  # those that fill all directions
 Parameters = tuple[tuple[str, int], ...]
 
 
@@ -51,6 +52,7 @@ class Features:
     local: bool = False  # integrator local, else path
     photon: bool = False  # integrator photon: light is traced from the lights to the camera
     sobol: bool = True  # else plain random numbers
+    chance_sky: bool = False  # the sky is found by rays that scatter alone, never by shadow rays
     light_tree: bool = False  # lights are picked by a tree of bounds, else by an alias table
     blue_noise: bool = False  # neighbouring pixels share a sequence
     adaptive: bool = False  # tiles have numbers of samples of their own
@@ -73,6 +75,11 @@ class Features:
     def material_kinds(self) -> tuple[str, ...]:
         return tuple(kind for kind, _ in self.materials)
 
+    @property
+    def picked_lights(self) -> tuple[str, ...]:
+        """Kinds that shadow rays go to."""
+        return tuple(kind for kind in self.lights if not (self.chance_sky and kind in WHOLE_SKIES))
+
     def switches(self) -> dict[str, bool]:
         """Every switch by name, HAS_ left away; all are always defined as 0 or 1."""
         on = {field.name: bool(getattr(self, field.name)) for field in fields(self) if field.type == "bool"}
@@ -81,7 +88,7 @@ class Features:
         for group, present in present_of.items():
             on |= {kind: kind in present for kind in kinds(group)}
         on["analytic"] = any(shape != "plane" for shape in self.shapes)
-        on["lights"] = bool(self.lights)
+        on["lights"] = bool(self.picked_lights)
         on["sky"] = any(light in SKIES for light in self.lights)
         on["textured"] = bool(self.textures) or self.relief  # materials
         on["textures"] = on["textured"] or "environment_map" in self.lights or self.tangents  # buffers of texels and uv

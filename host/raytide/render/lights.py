@@ -1,7 +1,8 @@
 """Light records and the alias table that picks one light for each sample.
 
 A light's share follows the irradiance that it would give at the point the camera looks at, mixed with an equal share
-for every light source, so that no light is ever starved (unbiased for any shares above zero).
+for every light source, so that no light is ever starved (unbiased for any shares above zero). Only a sky of constant
+radiance is never picked: rays that scatter find it by the material's own density, which no picking of directions beats.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from raytide.scene.transform import matrix_of
 PLACED = (PointLight, SpotLight, ProjectorLight)  # lights of one point
 _EQUAL_SHARE = 0.25
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
+_UNPICKED = -1  # group of lights that are left to rays that scatter
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,10 @@ def pack_lights(
         if isinstance(light, SKY_LIGHTS):
             environment = i
             weights[-1] += _sky(row, light, flat, textures)
-    parts, groups = [declared], [np.arange(len(declared))]
+    groups = [np.arange(len(declared))]
+    if left_to_scattering(flat):
+        groups[0][environment] = _UNPICKED
+    parts = [declared]
     importance = [np.asarray(weights, float)]
     intensity = [(declared["radiance"][:, :3] * shown) @ _LUMINANCE]
     count = len(declared)
@@ -93,13 +98,7 @@ def pack_lights(
             continue
         radiance = dict(material.parameters())
         prims, areas, centers, normals = _primitives(flat, geometry, index, planes_first)
-        rows = np.zeros(len(prims), RECORDS["Light"].dtype)
-        rows["kind"] = kind_number("light", "emitter")
-        rows["prim"] = prims
-        rows["radiance"][:, :3] = radiance["radiance"]
-        rows["direction"][:, :3] = normals
-        rows["extra"][:, 0] = radiance["two_sided"][0]
-        rows["extra"][:, 1] = areas
+        rows = _emitters(prims, areas, normals, radiance)
         rows["extra"][:, 2] = "indirect" not in thing.visible_to
         objects[index]["light"] = count
         mean = _texture(rows, material, thing.material, textures)
@@ -111,8 +110,9 @@ def pack_lights(
         count += len(prims)
     lights = np.concatenate(parts)
     weight, group = np.concatenate(importance), np.concatenate(groups)
-    if choice == "tree" and count:
-        return PackedLights(lights, environment, _light_tree(lights, geometry, weight, np.concatenate(intensity)))
+    picked, shine = group != _UNPICKED, np.concatenate(intensity)
+    if choice == "tree" and picked.any():
+        return PackedLights(lights, environment, _light_tree(lights, geometry, weight, shine, picked))
     if choice == "uniform":
         weight, group = np.ones(count), np.arange(count)
     if count:
@@ -121,14 +121,14 @@ def pack_lights(
 
 
 def _light_tree(
-    lights: np.ndarray, geometry: FlatGeometry, importance: np.ndarray, intensity: np.ndarray
+    lights: np.ndarray, geometry: FlatGeometry, importance: np.ndarray, intensity: np.ndarray, picked: np.ndarray
 ) -> np.ndarray:
-    """Nodes of the tree over `lights`, which get their trails. Lights without a place are picked as often as their
-    irradiance where the camera looks asks for, mixed with equal shares."""
+    """Nodes of the tree over those of `lights` that are `picked`, which get their trails. Lights without a place are
+    picked as often as their irradiance where the camera looks asks for, mixed with equal shares."""
     near = has_place(lights)
-    where, endless = np.nonzero(near)[0], np.nonzero(~near)[0]
+    where, endless = np.nonzero(near & picked)[0], np.nonzero(~near & picked)[0]
     bounds = light_bounds(lights[where], geometry, intensity[where])
-    total, far = importance.sum(), importance[endless]
+    total, far = importance[picked].sum(), importance[endless]
     equal = len(endless) / (len(endless) + 1)
     share = (1 - _EQUAL_SHARE) * (far.sum() / total if total > 0 else equal) + _EQUAL_SHARE * equal
     mixed = far / far.sum() + _EQUAL_SHARE / max(len(far), 1) if far.sum() > 0 else np.ones(len(far))
@@ -139,6 +139,20 @@ def _light_tree(
     flags = nodes["child"][leaf] & np.uint32(LEAF | TWO_SIDED)
     nodes["child"][leaf] = flags | places[nodes["child"][leaf] & np.uint32(TWO_SIDED - 1)]
     return nodes
+
+
+def shadows_alone(flat: FlatScene) -> bool:
+    """Whether some object stops shadow rays and not rays that scatter, or the reverse."""
+    return any(("shadow" in thing.visible_to) != ("indirect" in thing.visible_to) for thing in flat.objects)
+
+
+def left_to_scattering(flat: FlatScene) -> bool:
+    """Whether the scene has a sky of constant radiance, rays that scatter carry its light, and no choice of lights asks
+    for shadow rays to every light."""
+    skies = [light for light in flat.lights if isinstance(light, SKY_LIGHTS)]
+    constant = bool(skies) and all(isinstance(light, EnvironmentLight) and light.file is None for light in skies)
+    asked = flat.render.light_choice == "uniform"
+    return constant and flat.render.integrator == "path" and not asked and not shadows_alone(flat)
 
 
 def _declared(row: np.ndarray, light: Light, origin: np.ndarray, target: np.ndarray) -> float:
@@ -205,6 +219,20 @@ def _sky(row: np.ndarray, light: EnvironmentLight | SunSkyLight, flat: FlatScene
     return light.scale * float(patch_light(sky_radiance(flat.textures.sky), beyond).sum()) / 4
 
 
+def _emitters(
+    prims: np.ndarray, areas: np.ndarray, normals: np.ndarray, radiance: dict[str, tuple[float, ...]]
+) -> np.ndarray:
+    """Records of an emissive object's primitives, all of whose parameters are alike."""
+    rows = np.zeros(len(prims), RECORDS["Light"].dtype)
+    rows["kind"] = kind_number("light", "emitter")
+    rows["prim"] = prims
+    rows["radiance"][:, :3] = radiance["radiance"]
+    rows["direction"][:, :3] = normals
+    rows["extra"][:, 0] = radiance["two_sided"][0]
+    rows["extra"][:, 1] = areas
+    return rows
+
+
 def _texture(rows: np.ndarray, material: Material, index: int, textures: PackedTextures) -> np.ndarray:
     """Links an emitter's records to the texture of their radiance; its mean colour, (1, 1, 1) without one."""
     name = material.textures().get("radiance")
@@ -254,9 +282,13 @@ def triangle_planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
     """Fills alias, threshold and pick probability (Vose 1991), probabilities being those of the rounded table."""
     n = len(lights)
-    importance = np.where(np.isfinite(importance) & (importance > 0), importance, 0.0)
+    picked = groups != _UNPICKED
+    if not picked.any():
+        return  # every probability stays 0
+    importance = np.where(picked & np.isfinite(importance) & (importance > 0), importance, 0.0)
     _, inverse, sizes = np.unique(groups, return_inverse=True, return_counts=True)
-    equal = 1.0 / (len(sizes) * sizes[inverse])
+    equal = np.where(picked, 1.0 / (len(sizes) * sizes[inverse]), 0.0)
+    equal /= equal.sum()
     total = importance.sum()
     share = (1 - _EQUAL_SHARE) * importance / total + _EQUAL_SHARE * equal if total > 0 else equal
     threshold, alias = np.ones(n), np.arange(n)

@@ -21,10 +21,10 @@ from raytide.kernels.constants import (
     STRETCHED,
     TRANSMITS,
 )
-from raytide.kernels.features import Features, kind_number, kinds
+from raytide.kernels.features import WHOLE_SKIES, Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
-from raytide.render.lights import choice_of, pack_lights
+from raytide.render.lights import choice_of, left_to_scattering, pack_lights
 from raytide.render.measured import place_tables
 from raytide.render.nested import media_at, rank_bodies
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
@@ -90,6 +90,8 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     lights = {light.kernel for light in flat.lights}
     if shining:
         lights.add("emitter")
+    chance_sky = left_to_scattering(flat)
+    light_tree = bool(lights - {*WHOLE_SKIES} if chance_sky else lights) and choice_of(flat) == "tree"
     if everything:
         lights = set(kinds("light"))
     shapes = set(ANALYTIC_KINDS) if everything else {s.kind for s in flat.shapes}
@@ -110,7 +112,8 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         center=render.filter == "centre",
         local=render.integrator == "local",
         photon=render.integrator == "photon" and bool(lights),
-        light_tree=bool(lights) and choice_of(flat) == "tree",
+        chance_sky=chance_sky,
+        light_tree=light_tree,
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",
         adaptive=render.adaptive,

@@ -46,7 +46,7 @@ WAVES = (
     Wave("extend", traces=True),
     Wave("shade"),
     Wave("partition"),
-    Wave("shadow", lambda features: bool(features.lights), traces=True),
+    Wave("shadow", lambda features: bool(features.picked_lights), traces=True),
     Wave("film"),
     Wave("emit", lambda features: features.photon, ignores=("light_tree",)),
     Wave("connect", lambda features: features.photon, ignores=("light_tree",)),
@@ -72,7 +72,7 @@ class Variant:
 
     @property
     def waves(self) -> tuple[Wave, ...]:
-        lit = lambda features: bool(features.lights)  # noqa: E731
+        lit = lambda features: bool(features.picked_lights)  # noqa: E731
         return Wave(f"extend{self.suffix}", traces=True), Wave(f"shadow{self.suffix}", lit, traces=True)
 
 

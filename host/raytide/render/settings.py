@@ -10,6 +10,7 @@ import numpy as np
 from raytide.errors import SceneError, UsageError
 from raytide.kernels.records import RECORDS
 from raytide.render.light_paths import check_photon
+from raytide.render.lights import left_to_scattering, shadows_alone
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import tiles_across
 from raytide.scene.check import crop_problem
@@ -55,11 +56,11 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     row["seed"] = render.seed
     row["max_depth"] = 1 if render.integrator == "photon" else render.max_depth  # of paths from the camera
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
-    row["light_count"], row["environment"] = len(packed.lights), packed.environment
+    sky_alone = len(packed.lights) == 1 and left_to_scattering(flat)
+    row["light_count"], row["environment"] = 0 if sky_alone else len(packed.lights), packed.environment
     row["filter_radius"] = render.width / 2
     row["media"], row["first_medium"] = packed.media, packed.first_medium
     row["sun_count"] = sum(light.kernel == "sun" for light in flat.lights)
     row["shadows"] = render.shadows
-    seen = (thing.visible_to for thing in flat.objects)
-    row["shadows_alone"] = any(("shadow" in kinds) != ("indirect" in kinds) for kinds in seen)
+    row["shadows_alone"] = shadows_alone(flat)
     return row

@@ -121,31 +121,36 @@ def single_texels(lab: Lab) -> Iterator[Trial]:
 
 
 @case("Q10", "sampling", "a light of power 1e-12 beside one of 1, 100,000 lights, lights without power",
-      "each light that shines has a share above 0; what the table gives is what it says within 1e-6",
-      "a light that is never picked is light that is lost")  # fmt: skip
+      "each light that shines has a share above 0, but for a sky that rays that scatter find in full; what the table "
+      "gives is what it says within 1e-6", "a light that is never picked is light that is lost")  # fmt: skip
 def unequal_lights(lab: Lab) -> Iterator[Trial]:
-    def table(powers: np.ndarray) -> np.ndarray:
+    def table(powers: np.ndarray, radiance: float, shadows_only: bool) -> tuple[np.ndarray, bool]:
         scene = Scene(camera=Camera(origin=(0, 2, 4), target=(0, 0, 0), size=(2, 2)))
         scene.add(plane(), rt.Diffuse(0.5), name="floor")
         for place, power in enumerate(powers):
             scene.lights[f"l{place}"] = point((place % 300 * 0.01, 1, place // 300 * 0.01), intensity=float(power))
-        scene.lights["sky"] = sky(0.0)
+        scene.lights["sky"] = sky(radiance)
         scene.render.light_choice = "power"  # the table; the tree over many lights has whole-number shares of its own
+        scene.render.integrator = "local" if shadows_only else "path"
         flat = scene.flatten()
-        return pack(flat, features_of(flat)).lights
+        features = features_of(flat)
+        return pack(flat, features).lights, features.chance_sky
 
-    def judge(powers: np.ndarray) -> Judged:
-        lights = table(powers)
+    def judge(powers: np.ndarray, radiance: float = 0.0, shadows_only: bool = False) -> Judged:
+        lights, by_chance = table(powers, radiance, shadows_only)
         count, kept = len(lights), lights["threshold"].astype(np.float64)
         truth = kept / count
         np.add.at(truth, lights["alias"], (1 - kept) / count)
         told = lights["position"][:, 3].astype(np.float64)
-        starved = told[: len(powers)][powers > 0].min() <= 0
-        off = np.abs(told / np.maximum(truth, 1e-300) - 1)
+        shines = np.append(powers, 0.0 if by_chance else radiance) > 0
+        starved = told[shines].min() <= 0
+        off = np.abs(told - truth) / np.maximum(truth, 1e-30)  # never picked and said so is no error
         whole = {"add up to 1": abs(told.sum() - 1) < 1e-6, "beyond the table": bool((lights["alias"] < count).all())}
         excess = np.maximum(bounded(off, 1e-6).max(keepdims=True), forbidden(np.array([starved])))
         return Judged(excess, {"least": f"{told.min():.1e}"}, whole)
 
     yield once("1e-12 beside 1", lambda: judge(np.array([1.0, 1e-12])))
     yield once("none with power", lambda: judge(np.array([0.0, 0.0, 1e-18])))
+    yield once("under a sky", lambda: judge(np.array([1.0, 1e-12]), 1.0))
+    yield once("a sky that only shadow rays find", lambda: judge(np.array([1.0, 1e-12]), 1e-6, True))
     yield once("many", lambda: judge(10.0 ** lab.rng(710).uniform(-9, 3, lab.count(3_000, 100_000))))
