@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/portable.cl"
+#include "base/vector.cl"
 
 #define FRESNEL_TINY 1.0e-30f  // keeps 0/0 away where the reflectance is 1
 
@@ -10,8 +11,11 @@ static float conductor_reflectance(const float cosine, const float eta, const fl
 {
     const float c2 = cosine * cosine;
     const float s2 = (1.0f - cosine) * (1.0f + cosine);
-    // t = eta^2 - k^2 - s2, paired so that what cancels is exact at normal incidence, and at grazing for eta near 1
-    const float t = cosine > 0.7f ? (eta - k) * (eta + k) - s2 : (eta - 1.0f) * (eta + 1.0f) + (cosine - k) * (cosine + k);
+    // eta^2 - k^2 - s2; where that cancels (normal incidence, grazing for eta near 1, the critical angle) exactly
+    const float plain = eta * eta - k * k - s2;
+    const float t = abs_of(plain) < 0.25f * (eta * eta + k * k + s2)
+                        ? dot4_exact((float4)(eta, k, cosine, 1.0f), (float4)(eta, -k, cosine, -1.0f))
+                        : plain;
     const float p = 2.0f * eta * k;
     const float root = sqrt_of(t * t + p * p);
     // root = a^2 + b^2 and t = a^2 - b^2: the larger by sum, the smaller from a b = eta k

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -15,8 +16,11 @@ from raytide.cli.main import main
 from raytide.cli.verify import earlier
 from raytide.errors import DeviceError, UsageError
 from raytide.kernels.paths import kernel_dir
-from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, replay, run_cases
+from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, peer_child, replay, run_cases
 from raytide.verify.case import Judged, bounded, case, forbidden
+from raytide.verify.cost import aimed_sets
+from raytide.verify.lab import Lab
+from raytide.verify.peers import leaks_of
 from raytide.verify.variants import contracted, variant_named, worse
 
 
@@ -117,3 +121,23 @@ def test_the_list_names_every_case(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(f"{one.id} " in printed and one.bar in printed for one in CASES.values())
     assert main(["verify", "--quick", "--full"]) == 2
     assert main(["verify", "--case", "Z9"]) == 2
+
+
+def test_a_peer_that_cannot_be_asked_is_left_out_with_the_reason() -> None:
+    sets = list(aimed_sets(Lab(LAB)))[:1]
+    for peer, python, words in (("nobody", sys.executable, "KeyError"), ("embree", "no/such/python", "FileNotFound")):
+        found = leaks_of(peer, Path(python), sets)
+        assert found.leaks == () and words in found.reason
+
+
+def test_a_peers_process_tells_which_rays_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def blind(vertices: np.ndarray, faces: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> Any:
+        return origin[:, 0] > vertices[0, 0], "1.0"
+
+    rows = np.arange(6, dtype=np.float32).reshape(2, 3)
+    np.savez(tmp_path / "rays.npz", vertices=rows[:1], faces=rows, origin=rows, direction=rows)
+    monkeypatch.setitem(peer_child.PEERS, "blind", blind)
+    peer_child.main("blind", str(tmp_path))
+    assert np.load(tmp_path / "missed.npy").tolist() == [False, True] and capsys.readouterr().out == "1.0\n"

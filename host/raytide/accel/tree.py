@@ -143,7 +143,7 @@ def sah_cost(nodes: np.ndarray) -> float:
     root = span[0] * span[1] + span[1] * span[2] + span[2] * span[0]
     if not root > 0:
         return float(1.0 + filled.sum())
-    unit = np.float32(1.0 / span.max())  # keeps products of float32 edges in range; each errs by 1e-7
+    unit = np.float32(min(1.0 / span.max(), 1e38))  # keeps products of float32 edges in range; each errs by 1e-7
     rows = zip(LOW_ROWS, HIGH_ROWS, strict=True)
     x, y, z = (np.where(filled, nodes[high] - nodes[low], np.float32(0)) * unit for low, high in rows)
     surface = (x * y + y * z + z * x).sum(dtype=np.float64)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from raytide.scene.scene import Scene
 
 TRACE = ("wall_s", "device_s", "spp", "rays", "relmse", "relmse_low", "relmse_high")
-MOST_EXCLUDED = 1e-4  # share of samples that may be left out as non-finite or negative before the picture is invalid
+MOST_EXCLUDED = 1e-6  # share of samples that may be left out as non-finite or negative before the picture is invalid
 
 MOST_ORIGINS = 4  # named in a message
 

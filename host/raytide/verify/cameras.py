@@ -124,8 +124,11 @@ def extreme_angles(lab: Lab) -> Iterator[Trial]:
     points = np.zeros((n, 4), np.float32)
     points[:, :2] = rng.random((n, 2)) * [64, 48]
     for fov in (1e-3, 40.0, 179.9):
-        camera = Camera(origin=(0, 0, 0), target=(0, 0, -1), fov=fov, size=(64, 48))
-        yield Trial(f"fov {fov:g}", {"point": points}, partial(judge_directions, lab, camera, 8.0))
+        for size in ((64, 48), (57, 43)):  # powers of two would hide products that are rounded
+            camera = Camera(origin=(0, 0, 0), target=(0, 0, -1), fov=fov, size=size)
+            inside = points[(points[:, :2] < size).all(1)]
+            yield Trial(f"fov {fov:g}, {size[0]}x{size[1]}", {"point": inside},
+                        partial(judge_directions, lab, camera, 8.0))  # fmt: skip
 
     def flat(inputs: Inputs) -> Judged:
         camera = Orthographic(origin=(0, 0, 0), target=(0, 0, -1), height=1e-6, size=(64, 48))

@@ -146,7 +146,7 @@ def is_net(points: np.ndarray, power: int) -> bool:
     """Whether 2^power points (n, 2) in the unit square have one in each elementary interval of their volume."""
     for split in range(power + 1):
         cells = np.floor(points * [2.0**split, 2.0 ** (power - split)]).astype(np.int64)
-        if len(np.unique(cells[:, 0] << (power - split) | cells[:, 1])) != len(points):
+        if np.bincount(cells[:, 0] << (power - split) | cells[:, 1], minlength=len(points)).min() != 1:
             return False
     return True
 
