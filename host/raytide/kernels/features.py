@@ -62,6 +62,7 @@ class Features:
     opacity: bool = False  # any material that light may pass as if nothing were there
     nested: bool = False  # any clear material that names its priority where bodies overlap
     absorption: bool = False  # any material whose inside absorbs
+    subsurface: bool = False  # any material whose inside scatters
     compensation: bool = False  # any rough metal that gives back what further facets reflect
     tangents: bool = False  # any material that differs along the surface's two directions
     instances: bool = False  # meshes that several objects share

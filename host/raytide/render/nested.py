@@ -15,7 +15,9 @@ MOST_BODIES = 8  # that one point may lie in: entries of a path's media
 
 def rank_bodies(flat: FlatScene, materials: np.ndarray) -> None:
     """Gives every clear body's record its rank, from 1: by priority, then by what tells bodies apart wherever they
-    stand in the file (index, absorption, name)."""
+    stand in the file (index, absorption, name). Raises UsageError where one of them scatters inside."""
+    if any("subsurface" in model.switches() for model in flat.materials):
+        raise UsageError("came a material with scattering beside one with a priority; wanted either in a scene")
     bodies = [(model.priority or 0, model.parameter("ior"), sum(model.absorption), name, place)
               for place, (name, model) in enumerate(zip(flat.material_names, flat.materials, strict=True))
               if isinstance(model, Body)]  # fmt: skip
