@@ -17,11 +17,7 @@ static float3 albedo_at(const Geometry g, global const Material *materials, cons
     for (float u = 0.0f, end; u < 1.0f; u = end) {
         global const Material *material = materials + blended(g, materials, number, s, u, &end);
 #if HAS_COPIED
-#if HAS_TEXTURED
         const Material here = textured_material(g, material, s);
-#else
-        const Material here = *material;
-#endif
         albedo += (end - u) * material_albedo(&here);
 #else
         albedo += (end - u) * material_albedo(material);

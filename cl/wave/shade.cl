@@ -13,6 +13,7 @@
 #include "wave/path.cl"
 #include "wave/fault.cl"
 #include "wave/vertex.cl"
+#include "wave/sky.cl"
 #include "wave/shading.cl"
 #include "wave/pass.cl"
 #include "wave/nested.cl"
