@@ -142,7 +142,7 @@ def unequal_lights(lab: Lab) -> Iterator[Trial]:
         truth = kept / count
         np.add.at(truth, lights["alias"], (1 - kept) / count)
         told = lights["position"][:, 3].astype(np.float64)
-        shines = np.append(powers, 0.0 if by_chance else radiance) > 0
+        shines = np.append(powers, 0.0 if by_chance and not shadows_only else radiance) > 0
         starved = told[shines].min() <= 0
         off = np.abs(told - truth) / np.maximum(truth, 1e-30)  # never picked and said so is no error
         whole = {"add up to 1": abs(told.sum() - 1) < 1e-6, "beyond the table": bool((lights["alias"] < count).all())}
