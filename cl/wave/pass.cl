@@ -5,6 +5,7 @@
 #include "accel/geometry.cl"
 #include "accel/opacity.cl"
 #include "wave/path.cl"
+#include "wave/shading.cl"
 #include "wave/vertex.cl"
 
 // Whether the path passes, which takes a number of its own and adds no edge: then it is alive, and its next ray starts
@@ -40,5 +41,31 @@ static void note_scattering(const uint slot, const Ray onward SCATTERINGS_ARGUME
 {
 #if HAS_OPACITY
     scatterings[slot] = make4(xyz(onward.origin), scatterings[slot].w);
+#endif
+}
+
+// Whether the path scatters in a body before it meets a surface: then it is alive from there, or it ends. Adds no edge;
+// light is found by leaving the body, which no light sampling competes with.
+static int walk_on(const Shading *s, const Ray ray, const Hit hit, const uint4 path, float4 *state, const uint slot,
+                   const uint item SCATTERINGS_ARGUMENT)
+{
+#if WALKS
+    const uint medium = scattering_medium(s->materials, path.y);
+    if (!medium || hit.prim == NONE) {  // without a surface around it a body has no end
+        return 0;
+    }
+    const float distance = hit.t * length3(xyz(ray.direction));
+    const Flight flight = flight_of(s->materials + medium - 1u, s->settings, ray, distance, path, *state);
+    *state = flight.state;
+    if (flight.scattered && !flight.ended) {
+        s->rays[slot] = flight.ray;
+        s->throughput[slot] = flight.state;
+        s->paths[slot] = (uint4)(path.x, path.y | PATH_DELTA, path.z, path.w);
+        note_scattering(slot, flight.ray SCATTERINGS);
+        s->status[item] = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
+    }
+    return flight.scattered;
+#else
+    return 0;
 #endif
 }

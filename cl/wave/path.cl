@@ -31,5 +31,8 @@
 
 #define LOOK_AHEAD 8u  // items of a queue between the one at work and the one whose slot is asked for
 
+// Whether paths scatter inside bodies; in the integrators local and photon these only weaken light
+#define WALKS (HAS_SUBSURFACE && !HAS_LOCAL && !HAS_PHOTON)
+
 #define T_MAX_FREE 3.0e38f  // rays without an end; finite, so that every comparison stays ordered
 #define MISS_AT_ONCE -1.0f  // t_max of slots that hold no ray

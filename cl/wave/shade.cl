@@ -36,10 +36,10 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     Ray ray = s->rays[slot];
     const Hit hit = s->hits[slot];
     const uint4 path = s->paths[slot];
-    const float4 state = s->throughput[slot];
+    float4 state = s->throughput[slot];
     const uint edge = path.y & PATH_EDGES;
     s->status[i] = 0u;
-    if (!(ray.direction.w > 0.0f)) {
+    if (!(ray.direction.w > 0.0f) || walk_on(s, ray, hit, path, &state, slot, i SCATTERINGS)) {
         return;
     }
     if (hit.prim == NONE) {

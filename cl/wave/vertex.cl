@@ -16,6 +16,7 @@
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
+#include "wave/walk.cl"
 
 typedef struct {
     Surface surface;
@@ -93,7 +94,12 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.state = state;
 #if HAS_ABSORPTION
     v.medium = (path.y >> PATH_MEDIUM_SHIFT) & MOST_MEDIA;
-    v.state = make4(xyz(state) * absorbed(materials, v.medium, hit.t * length3(xyz(ray.direction))), state.w);
+#if WALKS
+    const uint absorbing = scattering_medium(materials, path.y) ? 0u : v.medium;  // else weighed by the flight here
+#else
+    const uint absorbing = v.medium;
+#endif
+    v.state = make4(xyz(state) * absorbed(materials, absorbing, hit.t * length3(xyz(ray.direction))), state.w);
 #endif
     v.surface = surface_of(g, ray, hit);
     v.number = objects[v.surface.object].material;

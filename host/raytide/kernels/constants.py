@@ -17,6 +17,7 @@ ABSORBS = 2  # flag of a material record: what is behind the surface absorbs
 STRETCHED = 4  # flag of a material record: its shading frame follows the surface's tangent
 ONE_SIDED = 8  # flag of a material record: the back is black
 SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing were there
+SCATTERS = 32  # flag of a material record: what is behind the surface scatters
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 SPLAT_WORDS = 9  # of a pixel: three sums of three words
 HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
@@ -53,6 +54,7 @@ _UNSIGNED = {
     "MATERIAL_ABSORBS": ABSORBS,
     "MATERIAL_STRETCHED": STRETCHED,
     "MATERIAL_SEE_THROUGH": SEE_THROUGH,
+    "MATERIAL_SCATTERS": SCATTERS,
     "MOST_MEDIA": MOST_MEDIA,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},

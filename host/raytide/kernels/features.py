@@ -60,6 +60,7 @@ class Features:
     one_sided: bool = False  # any material that names whether its back is like its front
     opacity: bool = False  # any material that light may pass as if nothing were there
     absorption: bool = False  # any material whose inside absorbs
+    subsurface: bool = False  # any material whose inside scatters
     compensation: bool = False  # any rough metal that gives back what further facets reflect
     tangents: bool = False  # any material that differs along the surface's two directions
     instances: bool = False  # meshes that several objects share

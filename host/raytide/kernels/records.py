@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 NONE = 0xFFFFFFFF  # "no primitive", "no light", "no object"
+BODY = "; of bodies that scatter xyz = albedo inside, w = mean cosine"
 MATERIAL_FLOATS = 32  # parameters that a material record holds
 
 _WIDTH = {"float": 1, "int": 1, "uint": 1, "float4": 4, "uint4": 4, "float8": 8, "uint8": 8}
@@ -187,9 +188,10 @@ _TABLE = (
         ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED | _SEE_THROUGH"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
-        ("float4", "absorption", "1/m", "xyz; of what is behind the surface; w = opacity"),
+        ("float4", "absorption", "1/m", "xyz; of what is behind the surface, with what it scatters; w = opacity"),
         *[
-            ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}") for i in range(MATERIAL_FLOATS // 4)
+            ("float4", f"p{i}", "", f"parameters {4 * i} to {4 * i + 3}{BODY * (i == 7)}")
+            for i in range(MATERIAL_FLOATS // 4)
         ],
     ),
     _record(

@@ -17,6 +17,7 @@ from raytide.kernels.constants import (
     MOST_MEDIA,
     ONE_SIDED,
     RAY_KINDS,
+    SCATTERS,
     SEE_THROUGH,
     STRETCHED,
     TRANSMITS,
@@ -30,6 +31,7 @@ from raytide.render.textures import PackedTextures, has_relief, pack_textures, t
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
 from raytide.scene.layered import layers_of
+from raytide.scene.material_parts import Body
 from raytide.scene.materials import Blend, Emissive
 
 
@@ -235,12 +237,14 @@ def _materials(flat: FlatScene) -> np.ndarray:
     materials = np.zeros(len(flat.materials), RECORDS["Material"].dtype)
     for row, model in zip(materials, flat.materials, strict=True):
         row["kind"] = kind_number("material", model.type)
-        absorption = np.asarray(getattr(model, "absorption", (0.0, 0.0, 0.0)))
+        extinction, inside = model.inside() if isinstance(model, Body) else (np.zeros(3), np.zeros(4))
+        if inside[:3].any():
+            row["flags"], row["p7"] = SCATTERS, inside
         one_sided = not model.two_sided and model.type != "emissive"
-        row["flags"] = (TRANSMITS if model.transmits else 0) | (ABSORBS if absorption.any() else 0)
+        row["flags"] |= (TRANSMITS if model.transmits else 0) | (ABSORBS if extinction.any() else 0)
         row["flags"] |= (STRETCHED if "tangents" in model.switches() else 0) | (ONE_SIDED if one_sided else 0)
         row["flags"] |= SEE_THROUGH if model.opacity < 1 or "opacity" in model.textures() else 0
-        row["absorption"] = (*absorption, model.opacity)
+        row["absorption"] = (*extinction, model.opacity)
         numbers = [x for _, values in model.parameters() for x in values]
         if isinstance(model, Blend):
             numbers[1:] = [flat.material_names.index(part) for part in model.parts]

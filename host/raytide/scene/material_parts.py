@@ -10,13 +10,14 @@ from pydantic import model_validator
 from raytide.scene.model import Table
 from raytide.scene.presets import CONDUCTORS
 from raytide.scene.textured import allow_texture, texture_of
-from raytide.scene.values import Absorption, Flag, Index, Number, Reflectance, key
+from raytide.scene.values import Absorption, Emission, Flag, Index, Number, Reflectance, key
 
 Distribution = Literal["ggx", "beckmann"]
 Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
 
 # Switches of kernels/features.py that materials turn on.
-SWITCHES = ("absorption", "beckmann", "compensation", "one_sided", "opacity", "tangents", "transmission")
+SWITCHES = ("absorption", "beckmann", "compensation", "one_sided", "opacity", "subsurface", "tangents",
+            "transmission")
 
 
 class Material(Table):
@@ -169,6 +170,32 @@ class Body(Boundary):
     """What clear materials with an inside share."""
 
     absorption: Absorption = key((0.0, 0.0, 0.0), unit="1/m", doc="absorption coefficient inside")
+    scattering: Absorption = key((0.0, 0.0, 0.0), unit="1/m", doc="scattering coefficient inside")
+    albedo: Reflectance | None = key(
+        None, doc="share of light that goes on from where it meets something inside, in place of both coefficients"
+    )
+    mean_free_path: Emission | None = key(None, unit="m", doc="mean distance between such places, with albedo")
+    g: Number = key(0.0, low=-0.99, high=0.99, doc="mean cosine of a scattering (Henyey and Greenstein 1941)")
+
+    @model_validator(mode="after")
+    def _one_inside(self) -> Self:
+        lengths = self.mean_free_path
+        if (self.albedo is None) != (lengths is None):
+            raise ValueError("came only one of albedo and mean_free_path; wanted both")
+        if lengths is not None and {"absorption", "scattering"} & self.model_fields_set:
+            raise ValueError("came albedo beside absorption or scattering; wanted one or the other")
+        if lengths is not None and min(lengths) < 1e-6:
+            raise ValueError(f"came mean_free_path = {list(lengths)}; wanted at least 1e-6")
+        return self
+
+    def inside(self) -> tuple[np.ndarray, np.ndarray]:
+        """Extinction (3,) [1/m], and albedo (3,) with g."""
+        if self.albedo is not None and self.mean_free_path is not None:
+            return 1.0 / np.array(self.mean_free_path), np.array((*self.albedo, self.g))
+        extinction = np.add(self.absorption, self.scattering)
+        return extinction, np.append(np.divide(self.scattering, np.maximum(extinction, 1e-30)), self.g)
 
     def switches(self) -> frozenset[str]:
-        return super().switches() | ({"absorption"} if "absorption" in self.model_fields_set else set())
+        scatters = self.model_fields_set & {"scattering", "albedo", "mean_free_path"}
+        given = {"subsurface", "absorption"} if scatters else {"absorption"} & self.model_fields_set
+        return super().switches() | given

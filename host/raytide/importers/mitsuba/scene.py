@@ -72,7 +72,7 @@ def _translate(build: Build) -> None:
         read_emitter(build, plugin)
     for plugin in by_tag.get("bsdf", []):
         material_of(build, plugin, plugin)  # unused ones are checked too
-    for tag, lacking in (("medium", ("homogeneous", "heterogeneous")), ("volume", ()), ("phase", ()), ("field", ())):
+    for tag, lacking in (("volume", ()), ("phase", ()), ("field", ())):
         for plugin in by_tag.get(tag, []):
             unknown_plugin(build, plugin, (), (*lacking, plugin.type))
 

@@ -16,6 +16,7 @@ from raytide.importers.mitsuba.bsdfs import material_of, unknown_plugin
 from raytide.importers.mitsuba.build import Build
 from raytide.importers.mitsuba.document import Plugin
 from raytide.importers.mitsuba.emitters import glowing_material
+from raytide.importers.mitsuba.media import filled_material, inside_of
 from raytide.importers.mitsuba.reader import Reader
 from raytide.importers.mitsuba.transforms import is_mirror, step_of, translation
 
@@ -36,10 +37,16 @@ def read_shape(build: Build, plugin: Plugin, *, hidden: bool = False) -> str | N
     flips = reader.flag("flip_normals", False)
     build.upside_down = plugin.type == "sphere"
     bsdf, emitter = reader.part("bsdf"), reader.part("emitter")
-    material = glowing_material(build, emitter, bsdf, plugin) if emitter else material_of(build, bsdf, plugin)
+    inside = inside_of(reader)
+    if inside and emitter:
+        reader.lacks("a medium inside a shape that shines", "one of both")
+    if inside:
+        material = filled_material(build, bsdf, plugin, inside)
+    else:
+        material = glowing_material(build, emitter, bsdf, plugin) if emitter else material_of(build, bsdf, plugin)
     build.upside_down = False
     table = SHAPES[plugin.type](reader, flips, material in build.painted)
-    for tag in ("medium", "sensor", "shape"):
+    for tag in ("sensor", "shape"):
         for item in reader.parts(tag):
             build.report.add(item.element, plugin.words, f"<{tag}> inside it, which raytide lacks", "none")
     for name, item in plugin.properties.items():
