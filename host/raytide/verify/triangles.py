@@ -51,7 +51,7 @@ def aimed(geometry: FlatGeometry, center: Place, at: str, rng: np.random.Generat
 
 def leak_trials(lab: Lab, at: str, center: Place, seed: int) -> Iterator[Trial]:
     geometry = ring_sphere(RINGS, SEGMENTS, center)
-    for builder in ("sah", "lbvh"):
+    for builder in ("sah", "sah-hq", "lbvh"):
         traced = lab.tracer(geometry, builder)
 
         def judge(inputs: Inputs, traced=traced) -> Judged:  # type: ignore[no-untyped-def]
