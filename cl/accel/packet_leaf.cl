@@ -49,11 +49,13 @@ ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint
     const Sheared8 s = sheared_for8(p, group, lane_corner3(lane, x, y, axis * ROW),
                                     lane_corner3(lane + 3u * ROW, x, y, axis * ROW),
                                     lane_corner3(lane + 6u * ROW, x, y, axis * ROW));
-    float8 depth;
-    int8 met = sheared_met8(s, p->t[group] * p->length_z[group] * FAR_SCALE, &depth);
-    if (movemask8(met) == 0u) {
+    const Edges8 e = edges_of8(s);
+    int8 met = inside_edges8(e);
+    if (movemask8(met) == 0u) {  // half of all cases: known before the division is done
         return 0;
     }
+    const float8 depth = depth_between8(s, e);
+    met &= (depth >= (float8)(0.0f)) & (depth <= p->t[group] * p->length_z[group] * FAR_SCALE);
     float8 enter;
     const PacketBox box = PACKET_BOX(p, rows, 0u);
     met &= box_met_by8(p, group, box, p->mixed, &enter);
@@ -65,12 +67,8 @@ ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint
     p->t[group] = met ? (any ? (float8)(DONE) : t) : p->t[group];
     p->prim[group] = met ? (int8)((int)prim) : best;
     if (!any) {
-        const float8 u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
-        const float8 v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
-        const float8 w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
-        const float8 sum = (u + v) + w;
-        p->u[group] = met ? v / sum : p->u[group];
-        p->v[group] = met ? w / sum : p->v[group];
+        p->u[group] = met ? e.v / e.sum : p->u[group];
+        p->v[group] = met ? e.w / e.sum : p->v[group];
     }
     return movemask8(met) != 0u;
 }

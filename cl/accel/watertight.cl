@@ -62,18 +62,39 @@ typedef struct {
     float8 ax, ay, az, bx, by, bz, cx, cy, cz;
 } Sheared8;
 
+// Edge functions; where all have one sign and their sum is not zero, the ray passes the triangle.
+typedef struct {
+    float8 u, v, w, sum;
+} Edges8;
+
+ALWAYS_INLINE static Edges8 edges_of8(const Sheared8 s)
+{
+    Edges8 e;
+    e.u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
+    e.v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
+    e.w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
+    e.sum = (e.u + e.v) + e.w;
+    return e;
+}
+
+ALWAYS_INLINE static int8 inside_edges8(const Edges8 e)
+{
+    const float8 zero = (float8)(0.0f);
+    return ((min8(min8(e.u, e.v), e.w) >= zero) | (max8(max8(e.u, e.v), e.w) <= zero)) & (e.sum != zero);
+}
+
+ALWAYS_INLINE static float8 depth_between8(const Sheared8 s, const Edges8 e)
+{
+    return s.az + fma8(e.v, s.bz - s.az, e.w * (s.cz - s.az)) / e.sum;
+}
+
 // Lanes in which the ray meets the triangle at a scaled depth in [0, limit], and those depths.
 ALWAYS_INLINE static int8 sheared_met8(const Sheared8 s, const float8 limit, float8 *depth)
 {
-    const float8 u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
-    const float8 v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
-    const float8 w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
-    const float8 zero = (float8)(0.0f);
-    const float8 sum = (u + v) + w;
-    const int8 inside = (min8(min8(u, v), w) >= zero) | (max8(max8(u, v), w) <= zero);
-    const float8 z = s.az + fma8(v, s.bz - s.az, w * (s.cz - s.az)) / sum;
+    const Edges8 e = edges_of8(s);
+    const float8 z = depth_between8(s, e);
     *depth = z;
-    return inside & (sum != zero) & (z >= zero) & (z <= limit);
+    return inside_edges8(e) & (z >= (float8)(0.0f)) & (z <= limit);
 }
 
 // Mask of the block's triangles that the ray meets at a scaled depth in [0, limit], and those depths.

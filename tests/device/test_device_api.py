@@ -78,10 +78,11 @@ def test_big_buffers_of_cpus_lie_where_large_pages_were_asked_for(device: Device
         parts = re.findall(r"Size: +([0-9]+) kB(?:.*\n)*?VmFlags:(.*)", mappings.read_text())
         return sum(int(size) << 10 for size, flags in parts if " hg" in flags)
 
-    before, numbers = asked(), np.arange(12 << 20, dtype=np.uint32)
+    numbers = np.arange(12 << 20, dtype=np.uint32)  # numpy's own arrays may be marked too: nothing else is made between
+    before = asked()
     buffer = device.upload(numbers)
-    assert np.array_equal(device.read(buffer, np.uint32, len(numbers)), numbers)
     assert asked() - before >= numbers.nbytes - 8192
+    assert np.array_equal(device.read(buffer, np.uint32, len(numbers)), numbers)
 
 
 def test_fill_writes_its_pattern_and_nothing_beside_it(device: Device) -> None:

@@ -123,7 +123,7 @@ def test_a_host_that_waits_for_the_number_of_shadow_rays_gets_the_same(device: D
     """Launches of shadow rays that the host sizes by what the device counted, and by what there may be at most."""
     films, rays = [], []
     for observe in (None, lambda *_: None):
-        with rt.Renderer(scene(), device, spp=16, memory=200_000, traversal="single") as renderer:
+        with rt.Renderer(scene((64, 64)), device, spp=4, traversal="single") as renderer:
             renderer.waves.observe = observe
             films.append(renderer.render().rgb)
             rays.append({name: row["rays"] for name, row in renderer.report()["waves"].items() if "rays" in row})
