@@ -60,4 +60,6 @@ static Material textured_material(const Geometry g, global const Material *m, co
     }
     return out;
 }
+#elif HAS_COPIED
+static Material textured_material(const Geometry g, global const Material *m, const Surface *s) { return *m; }
 #endif

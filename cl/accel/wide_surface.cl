@@ -38,7 +38,7 @@ static Vector8 triangle_cross8(const Corners8 t)
     const Vector8 e1 = subtract8(t.b, t.a);
     const Vector8 e2 = subtract8(t.c, t.a);
     const float8 size = max8(largest_of8(magnitudes8(e1)), largest_of8(magnitudes8(e2)));
-    const float8 scale = (size >= 1.2e-38f) & (size < 1.7e38f) ? scale_to_one8(size) : (float8)(1.0f);
+    const float8 scale = ((size >= 1.2e-38f) & (size < 1.7e38f)) ? scale_to_one8(size) : (float8)(1.0f);
     return cross8(scale8(e1, scale), scale8(e2, scale));
 }
 

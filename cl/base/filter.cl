@@ -6,7 +6,7 @@
 // equally likely; the weight f / density makes up for the sign and for what the table does not follow, so that its mean
 // is 1 and pictures have no bias. A weight is a function of the sample's own numbers: the film works it out again.
 
-#define SIGNED_FILTER (HAS_MITCHELL || HAS_LANCZOS)
+#define SIGNED_FILTER (HAS_MITCHELL || HAS_CATMULL_ROM || HAS_LANCZOS)
 #if SIGNED_FILTER
 #define FILTER_CELLS 32
 
@@ -26,6 +26,23 @@ static float filter_value(const float x)
 {
     const float near = fma_of(x * x, fma_of(x, 1.16666667f, -2.0f), 0.888888889f);
     const float far = fma_of(x, fma_of(x, fma_of(x, -0.388888889f, 2.0f), -3.33333333f), 1.77777778f);
+    return x < 1.0f ? near : far;
+}
+#elif HAS_CATMULL_ROM
+#define FILTER_REACH 2.0f
+#define FILTER_WHOLE 1.0f
+
+constant float FILTER_ENDS[FILTER_CELLS + 1] = {
+    0.0f, 0.009117f, 0.018249f, 0.027411f, 0.036617f, 0.045882f, 0.055221f, 0.06465f, 0.074187f, 0.083848f, 0.093653f,
+    0.103623f, 0.113782f, 0.124156f, 0.134775f, 0.145672f, 0.156888f, 0.16847f, 0.180474f, 0.192969f, 0.206042f,
+    0.219801f, 0.234389f, 0.25f, 0.266905f, 0.285507f, 0.306454f, 0.330898f, 0.361296f, 0.405281f, 0.58081f,
+    0.711019f, 1.0f};
+
+// Mitchell and Netravali 1988, B = 0, C = 1/2 (Catmull and Rom 1974); x from 0 to 2.
+static float filter_value(const float x)
+{
+    const float near = fma_of(x * x, fma_of(x, 1.5f, -2.5f), 1.0f);
+    const float far = fma_of(x, fma_of(x, fma_of(x, -0.5f, 2.5f), -4.0f), 2.0f);
     return x < 1.0f ? near : far;
 }
 #else

@@ -16,7 +16,7 @@ static float3 albedo_at(const Geometry g, global const Material *materials, cons
     float3 albedo = (float3)(0.0f);
     for (float u = 0.0f, end; u < 1.0f; u = end) {
         global const Material *material = materials + blended(g, materials, number, s, u, &end);
-#if HAS_TEXTURED
+#if HAS_COPIED
         const Material here = textured_material(g, material, s);
         albedo += (end - u) * material_albedo(&here);
 #else

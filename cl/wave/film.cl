@@ -138,7 +138,8 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
             block_hits += sample.w > 0.0f ? weight : 0.0f;
             valid++;
         } else {
-            atomic_inc(health + (finite ? HEALTH_NEGATIVE : HEALTH_NON_FINITE));  // integers: order cannot matter
+            const uint cause = sample.w == MEDIA_OVERFLOW ? HEALTH_TOO_NESTED : HEALTH_NON_FINITE;
+            atomic_inc(health + (finite ? HEALTH_NEGATIVE : cause));  // integers: order cannot matter
         }
         const uint n = first + s + 1u;
         if (n % FILM_BLOCK == 0u) {

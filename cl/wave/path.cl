@@ -15,6 +15,17 @@
 #define SCATTERINGS
 #endif
 
+// The clear bodies that a path is inside of (wave/nested.cl), where they may overlap.
+#if HAS_NESTED
+#define MEDIA_ARGUMENT , global uint4 *all_media
+#define MEDIA , all_media
+#else
+#define MEDIA_ARGUMENT
+#define MEDIA
+#endif
+
+#define MEDIA_OVERFLOW -1.0f  // w of a sample whose path was inside too many bodies
+
 // Status of a slot after `shade`, read by `partition`
 #define STATUS_ALIVE 1u   // trace its next ray
 #define STATUS_SHADOW 2u  // trace its shadow ray

@@ -14,7 +14,7 @@ __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void primary(global const Camera *camera, global const Settings *settings, global const uint *queue,
                     const uint queue_first, const uint first_item, const uint count, const uint first_tile,
                     const uint first_sample, const uint samples_in_chunk, global Ray *rays,
-                    global float4 *throughput, global uint4 *paths, global float4 *samples SCATTERINGS_ARGUMENT
+                    global float4 *throughput, global uint4 *paths, global float4 *samples SCATTERINGS_ARGUMENT MEDIA_ARGUMENT
                     SPAN_ARGUMENTS)
 {
     const uint i = (uint)get_global_id(0);
@@ -53,6 +53,11 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     scatterings[slot] = make4(xyz(ray.origin), float_of(0u));
 #endif
     throughput[slot] = (float4)(1.0f, 1.0f, 1.0f, 0.0f);
+#if HAS_NESTED
+    all_media[slot] = settings->media;
+    paths[slot] = (uint4)(item, 1u | PATH_DELTA | (settings->first_medium << PATH_MEDIUM_SHIFT), pixel, sample);
+#else
     paths[slot] = (uint4)(item, 1u | PATH_DELTA, pixel, sample);
+#endif
     samples[item] = (float4)(0.0f);
 }

@@ -13,8 +13,10 @@
 #include "wave/path.cl"
 #include "wave/fault.cl"
 #include "wave/vertex.cl"
+#include "wave/sky.cl"
 #include "wave/shading.cl"
 #include "wave/pass.cl"
+#include "wave/nested.cl"
 #include "wave/wide_shade.cl"
 
 // Puts the next ray into the path's slot.
@@ -28,9 +30,24 @@ static void go_on(const Shading *s, const NextRay *onward, const uint slot, cons
                              (onward->medium << PATH_MEDIUM_SHIFT), path.z, path.w);
 }
 
+// Adds what a ray sees that met nothing.
+static void shade_miss(const Shading *s, const Ray ray, const uint slot, const uint4 path,
+                       const float4 state LEFT_NORMALS_ARGUMENT)
+{
+    const uint edge = path.y & PATH_EDGES;
+    if (edge == 1u) {
+        check_ray(s->faults, xyz(state), ray, FAULT_CAMERA, edge, s->samples + path.x);
+    }
+#if HAS_SKY
+    const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
+    const float3 seen = environment_seen(s->lights, before, s->settings, s->g, ray, path.y, state);
+    s->samples[path.x] += told(s->faults, seen, 0.0f, FAULT_SKY, edge);
+#endif
+}
+
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
-static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCATTERINGS_ARGUMENT)
+static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCATTERINGS_ARGUMENT MEDIA_ARGUMENT)
 {
     const uint slot = s->queue[i];
     Ray ray = s->rays[slot];
@@ -43,17 +60,13 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
         return;
     }
     if (hit.prim == NONE) {
-        if (edge == 1u) {
-            check_ray(s->faults, xyz(state), ray, FAULT_CAMERA, edge, s->samples + path.x);
-        }
-#if HAS_SKY
-        const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
-        const float3 seen = environment_seen(s->lights, before, s->settings, s->g, ray, path.y, state);
-        s->samples[path.x] += told(s->faults, seen, 0.0f, FAULT_SKY, edge);
-#endif
+        shade_miss(s, ray, slot, path, state LEFT_NORMALS);
         return;
     }
-    const PathVertex vertex = vertex_of(s->g, s->objects, s->materials, s->settings, ray, hit, path, state);
+    PathVertex vertex = vertex_of(s->g, s->objects, s->materials, s->settings, ray, hit, path, state);
+    if (settle_nested(s, &vertex, ray, path, slot, i MEDIA)) {
+        return;
+    }
     const int passed = pass_on(s->g, s->objects, s->materials, s->settings, &vertex, &ray, path, slot, s->rays,
                                s->throughput, s->status + i SCATTERINGS);
     if (is_light(s->objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory
@@ -85,6 +98,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     const NextRay onward = sample_onward(s->settings, &vertex, edge, u);
     if (onward.valid) {
         check_ray(s->faults, xyz(onward.state), onward.ray, FAULT_ONWARD, edge, s->samples + path.x);
+        note_media(&vertex, &onward, slot MEDIA);
         go_on(s, &onward, slot, path SCATTERINGS);
         next |= STATUS_ALIVE;
     }
@@ -98,7 +112,8 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
                   global const Light *light_table LIGHT_TREE_ARGUMENTS, global const Settings *settings,
                   global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
                   global float4 *throughput, global uint4 *paths, global uint *status, global Ray *shadow_rays,
-                  global float4 *shadow_light, global float4 *samples, global uint *faults SCATTERINGS_ARGUMENT)
+                  global float4 *shadow_light, global float4 *samples, global uint *faults SCATTERINGS_ARGUMENT
+                  MEDIA_ARGUMENT)
 {
     const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
     if (begin >= count) {
@@ -111,7 +126,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
     for (uint i = begin; i < end; i += GROUP_SLOTS) {
         for (uint rest = shade_group(&s, i, end LEFT_NORMALS); rest != 0u; rest &= rest - 1u) {
-            shade_slot(&s, i + ctz_of(rest) LEFT_NORMALS SCATTERINGS);
+            shade_slot(&s, i + ctz_of(rest) LEFT_NORMALS SCATTERINGS MEDIA);
         }
     }
 }

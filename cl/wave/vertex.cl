@@ -28,7 +28,7 @@ typedef struct {
     float roughening;  // of the relief's shadow
 #endif
     float cos_o;    // of the viewer's direction to the geometric front side
-#if HAS_TEXTURED
+#if HAS_COPIED
     Material material;  // its parameters at this point
 #else
     global const Material *material;
@@ -38,12 +38,16 @@ typedef struct {
 #endif
     uint number;    // of the material
     uint medium;    // absorbing material that the path came through: its number + 1; 0: none
+#if HAS_NESTED
+    uint front;     // of a ranked boundary: body on its front side, as `medium`; behind is its own
+    int ranked;     // bodies are ranked, and the path is inside of one or at its boundary
+#endif
     float4 state;   // throughput here; w = pdf of the direction that led here
 } PathVertex;
 
 static MATERIAL_SPACE const Material *material_of(const PathVertex *v)
 {
-#if HAS_TEXTURED
+#if HAS_COPIED
     return &v->material;
 #else
     return v->material;
@@ -62,6 +66,9 @@ typedef struct {
     uint medium;
     int delta;
     int valid;
+#if HAS_NESTED
+    int to_front;  // of the surface
+#endif
 } NextRay;
 
 // Absorption (Beer 1852) over a distance in the medium of that number.
@@ -78,6 +85,11 @@ static float3 absorbed(global const Material *materials, const uint medium, cons
 // Medium of a ray that leaves: only surfaces of absorbing materials change it, by the side (wi_z > 0: front).
 static uint medium_ahead(const PathVertex *v, const float wi_z)
 {
+#if HAS_NESTED
+    if (v->material.flags >> MATERIAL_RANK_SHIFT) {
+        return wi_z < 0.0f ? v->number + 1u : v->front;
+    }
+#endif
 #if HAS_ABSORPTION
     return (material_of(v)->flags & MATERIAL_ABSORBS) ? (wi_z < 0.0f ? v->number + 1u : 0u) : v->medium;
 #else
@@ -109,7 +121,7 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.number = blended(g, materials, v.number, &v.surface, sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x, &end);
 #endif
     global const Material *material = materials + v.number;
-#if HAS_TEXTURED
+#if HAS_COPIED
     v.material = textured_material(g, material, &v.surface);
 #else
     v.material = material;
@@ -196,54 +208,6 @@ static float chance_weight(global const Settings *settings, const uint path_edge
     return shadows_alone(settings) ? 0.0f : power_heuristic(pdf, light_pdf);
 }
 
-#if HAS_SUN
-// Disks at infinity in direction wi; they come first among the lights.
-static float3 suns_seen(const Lights lights, const LightPlace from, global const Settings *settings, const float3 wi,
-                        const uint path_edges, const float4 state)
-{
-    float3 out = (float3)(0.0f);
-    for (uint i = 0u; i < settings->sun_count; i++) {
-        global const Light *sun = lights.table + i;
-        if (sun_holds(sun, wi)) {
-            const float pdf = pick_probability(lights, i, from) * sun->extra.y;
-            out += xyz(state) * xyz(sun->radiance) * chance_weight(settings, path_edges, state.w, pdf);
-        }
-    }
-    return out;
-}
-#endif
-
-#if HAS_SKY
-static float3 environment_seen(const Lights lights, const LightPlace from, global const Settings *settings,
-                               const Geometry g, const Ray ray, const uint path_edges, const float4 state)
-{
-    const float3 wi = renormalize3(xyz(ray.direction));
-#if HAS_SUN
-    const float3 suns = suns_seen(lights, from, settings, wi, path_edges, state);
-#else
-    const float3 suns = (float3)(0.0f);
-#endif
-    if (settings->environment == NONE) {
-        return suns;
-    }
-    global const Light *sky = lights.table + settings->environment;
-#if HAS_CHANCE_SKY
-    return suns + xyz(state) * light_seen(sky, g, wi);
-#else
-    Surface none;
-    none.p = wi;
-    none.ng = -wi;
-    none.n = -wi;
-    none.uv = (float2)(0.0f);
-    none.error = 0.0f;
-    none.object = NONE;
-    none.prim = NONE;
-    const float pdf = pick_probability(lights, settings->environment, from) * light_pdf(sky, g, from.p, none, wi);
-    return suns + xyz(state) * light_seen(sky, g, wi) * chance_weight(settings, path_edges, state.w, pdf);
-#endif
-}
-#endif
-
 static float3 emission_seen(const Lights lights, const LightPlace from, global const Settings *settings,
                             const Geometry g, global const Object *objects, const PathVertex v, const Ray ray,
                             const Hit hit, const uint path_edges)
@@ -312,6 +276,11 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
         out.light = (float3)(out.ray.direction.x);
         return out;
     }
+#if HAS_NESTED
+    if (v->ranked && medium_ahead(v, wi_local.z)) {
+        return out;  // boundaries that are not there would stop it: light inside a body is left to chance
+    }
+#endif
     BsdfValue bsdf = material_value(material_of(v) TABLES(v->tables), v->wo, wi_local);
 #if HAS_RELIEF
     bsdf.value = bsdf.value * relief_shadow(v->roughening, dot3(v->level, wi));
@@ -357,6 +326,10 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     if (!wanted) {
         return out;
     }
+#if HAS_NESTED
+    out.to_front = bsdf.wi.z > 0.0f;
+    out.delta = out.delta || (v->ranked && out.medium);  // shadow rays do not look inside bodies
+#endif
 #if HAS_RELIEF
     const float passing = (bsdf.flags & BSDF_TRANSMIT) ? 1.0f : relief_shadow(v->roughening, dot3(v->level, wi));
     float3 onward = xyz(v->state) * bsdf.weight * passing;

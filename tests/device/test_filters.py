@@ -25,15 +25,15 @@ kernel void probe_filter(const uint count, global float4 *results)
 """
 
 
-def mitchell(x: np.ndarray) -> np.ndarray:
-    """Piecewise cubics of the paper's equation 8 with B = C = 1/3, x >= 0."""
-    b = c = 1 / 3
+def mitchell(x: np.ndarray, b: float = 1 / 3, c: float = 1 / 3) -> np.ndarray:
+    """Piecewise cubics of the paper's equation 8, x >= 0."""
     near = (12 - 9 * b - 6 * c) * x**3 + (-18 + 12 * b + 6 * c) * x**2 + 6 - 2 * b
     far = (-b - 6 * c) * x**3 + (6 * b + 30 * c) * x**2 + (-12 * b - 48 * c) * x + 8 * b + 24 * c
     return np.where(x < 1, near, far) / 6
 
 
-FILTERS = {"mitchell": (mitchell, 2.0), "lanczos": (lambda x: np.sinc(x) * np.sinc(x / 3), 3.0)}
+FILTERS = {"mitchell": (mitchell, 2.0), "catmull_rom": (lambda x: mitchell(x, 0, 0.5), 2.0),
+           "lanczos": (lambda x: np.sinc(x) * np.sinc(x / 3), 3.0)}  # fmt: skip
 
 
 def places(device: Any, name: str, count: int = 2**17) -> tuple[np.ndarray, np.ndarray]:

@@ -34,7 +34,7 @@ def kernel_integral(name: str, edge: float) -> float:
 def test_an_edge_has_the_profile_of_the_filter(device: Device, name: str) -> None:
     with rt.Renderer(half_lit(name, spp=1024), device) as renderer:
         film = renderer.render()
-        assert film.error is not None and renderer.health() == {"non_finite": 0, "negative": 0}
+        assert film.error is not None and not any(renderer.health().values())
         columns = film.rgb[..., 1].astype(float).mean(axis=0)
         expected = [kernel_integral(name, column + 0.5 - 8) for column in range(16)]
         assert np.abs(columns - expected).max() < (0.005 if name == "tent" else 0.02)  # weights are noise, too

@@ -138,7 +138,16 @@ def test_samples_seed_and_filters(tmp_path: Path) -> None:
     assert (scene.render.spp, scene.render.seed, scene.render.filter) == (9, 3, "box")
     wide = '<rfilter type="gaussian"><float name="stddev" value="0.75"/></rfilter>'
     assert loaded(tmp_path, sensor=sensor("", more=wide)).render.width == 6
-    assert "rfilter" in str(problems_of(tmp_path, sensor=sensor("", more='<rfilter type="catmullrom"/>'))[0])
+    lobes = '<rfilter type="lanczos"><integer name="lobes" value="4"/></rfilter>'
+    assert "rfilter" in str(problems_of(tmp_path, sensor=sensor("", more=lobes))[0])
+    for inside, expected in (
+        ('type="catmullrom"', ("catmull_rom", 4)),
+        ('type="mitchell"><float name="B" value="0"/><float name="C" value="0.5"', ("catmull_rom", 4)),
+        ('type="tent"><float name="radius" value="1.5"', ("tent", 3)),
+    ):
+        filter_ = f'<rfilter {inside}/>' + ("</rfilter>" if ">" in inside else "")
+        render = loaded(tmp_path, sensor=sensor("", more=filter_)).render
+        assert (render.filter, render.width) == expected
 
 
 def test_spectra_become_mitsubas_colours() -> None:

@@ -88,7 +88,7 @@ def check_health(film: Film) -> None:
     total = excluded + int(film.samples.sum())
     if excluded > MOST_EXCLUDED * total:
         raise ImageInvalid(
-            f"{excluded} of {total} samples were non-finite or negative and were left out; "
+            f"{excluded} of {total} samples were non-finite, negative or inside too many bodies and were left out; "
             f"the picture was written but must not be trusted (limit {MOST_EXCLUDED:.0e} of the samples)"
             f"{origin_words(film.faults)}"
         )

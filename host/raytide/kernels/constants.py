@@ -20,7 +20,9 @@ SEE_THROUGH = 16  # flag of a material record: some light passes as if nothing w
 SCATTERS = 32  # flag of a material record: what is behind the surface scatters
 MOST_MEDIA = 0x7FFF  # materials that a path can be inside of: bits of its state, the number plus one
 SPLAT_WORDS = 9  # of a pixel: three sums of three words
-HEALTH = ("non_finite", "negative")  # causes for which samples are left out, in the order of their counters
+RANK_SHIFT = 16  # bits of a material record's flags from here on: its rank among bodies that overlap; 0: none
+HEALTH = ("non_finite", "negative", "too_nested")  # why samples are left out, in the order of their counters
+SOUND = HEALTH[:2]  # what is told even where there is none
 # What `shade` computes and looks at: unsound values are counted by origin, cause and path edge (wave/fault.cl).
 FAULTS = ("camera", "sky", "emission", "direct", "onward")
 FAULT_COUNTERS = len(FAULTS) * len(HEALTH) * EDGE_BINS
@@ -56,6 +58,7 @@ _UNSIGNED = {
     "MATERIAL_SEE_THROUGH": SEE_THROUGH,
     "MATERIAL_SCATTERS": SCATTERS,
     "MOST_MEDIA": MOST_MEDIA,
+    "MATERIAL_RANK_SHIFT": RANK_SHIFT,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},
     **{f"PROBE_{name.upper()}": place for place, name in enumerate(PROBES)},

@@ -39,7 +39,7 @@ def type_name(kind: str) -> str:
 def parameters_text(features: Features) -> str:
     """One struct and one loader for each material kind present; loads the record's floats in declared order."""
     # Once textures have scaled them, the parameters at a point of a surface are a copy of the item's own.
-    out = [f"#define MATERIAL_SPACE {'private' if features.switches()['textured'] else 'global'}\n"]
+    out = [f"#define MATERIAL_SPACE {'private' if features.switches()['copied'] else 'global'}\n"]
     # Where the tables of measured materials stand: behind the records, addressed from the first of these.
     tables = features.switches()["measured"]
     out.append(f"#define TABLES_ARGUMENT {', global const Material *tables' if tables else ''}\n")

@@ -46,6 +46,7 @@ class Features:
     gaussian: bool = False  # pixel filter, else box or centre
     tent: bool = False
     mitchell: bool = False
+    catmull_rom: bool = False
     lanczos: bool = False
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
@@ -59,6 +60,7 @@ class Features:
     beckmann: bool = False  # any material that names the law of its facets
     one_sided: bool = False  # any material that names whether its back is like its front
     opacity: bool = False  # any material that light may pass as if nothing were there
+    nested: bool = False  # any clear material that names its priority where bodies overlap
     absorption: bool = False  # any material whose inside absorbs
     subsurface: bool = False  # any material whose inside scatters
     compensation: bool = False  # any rough metal that gives back what further facets reflect
@@ -91,6 +93,8 @@ class Features:
         on["sky"] = any(light in SKIES for light in self.lights)
         on["textured"] = bool(self.textures) or self.relief  # materials
         on["textures"] = on["textured"] or "environment_map" in self.lights or self.tangents  # buffers of texels and uv
+        on["copied"] = on["textured"] or self.nested  # kernels work on a material's own copy at a point
+        on["absorption"] |= self.nested
         on["triangles"] |= self.instances  # which are made of them
         on["compact"] = self.compact and self.tree
         return dict(sorted(on.items()))

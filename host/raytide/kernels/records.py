@@ -185,7 +185,7 @@ _TABLE = (
         "Material",
         "Kind and parameters, packed in declared order",
         ("uint", "kind", "", "MATERIAL_*"),
-        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED | _SEE_THROUGH"),
+        ("uint", "flags", "", "MATERIAL_TRANSMITS | _ABSORBS | _STRETCHED | _ONE_SIDED | _SEE_THROUGH; rank << 16"),
         ("uint", "first_slot", "", "of its texture slots"),
         ("uint", "slot_count", "", "textured parameters, which hold factors"),
         ("float4", "absorption", "1/m", "xyz; of what is behind the surface, with what it scatters; w = opacity"),
@@ -279,7 +279,9 @@ _TABLE = (
         ("uint", "whole_width", "pixels", ""),
         ("uint", "block_bits", "", "sampler blue_noise: log2 of the samples in a pixel's block; even"),
         ("uint", "sun_count", "", "lights that are disks at infinity; they come first"),
-        *[("uint", f"pad{i}", "", "zero") for i in range(3)],
+        ("uint", "first_medium", "", "of `media`, the one of the highest rank"),
+        *[("uint", f"pad{i}", "", "zero") for i in range(2)],
+        ("uint4", "media", "", "clear bodies around the camera: two a word, number of the material plus one"),
     ),
 )
 

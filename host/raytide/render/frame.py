@@ -12,7 +12,7 @@ import numpy as np
 
 from raytide.device import Buffer, Device, Program
 from raytide.errors import UsageError
-from raytide.kernels.constants import EDGE_BINS, FAULT_COUNTERS, FAULTS, HEALTH, TILE, TILE_SIDE
+from raytide.kernels.constants import EDGE_BINS, FAULT_COUNTERS, FAULTS, HEALTH, SOUND, TILE, TILE_SIDE
 from raytide.render import schedule
 from raytide.render.adaptive import Allocation
 from raytide.render.film import FilmData
@@ -256,7 +256,8 @@ class Frame:
     def health(self) -> dict[str, int]:
         """Samples left out, by cause."""
         counts = self.device.read(self._health, np.uint32, len(HEALTH))
-        return dict(zip(HEALTH, (int(n) for n in counts), strict=True))
+        found = dict(zip(HEALTH, (int(n) for n in counts), strict=True))
+        return {cause: n for cause, n in found.items() if n or cause in SOUND}
 
     def faults_met(self) -> dict[str, int]:
         """What `shade` counted, by label; empty where all was sound."""

@@ -22,7 +22,7 @@ from raytide.render.schedule import Chunk
 from raytide.render.textures import has_relief, sky_radiance
 from raytide.render.waves import Waves
 from raytide.scene.flatten import FlatScene
-from raytide.scene.lights import DirectionalLight, EnvironmentLight
+from raytide.scene.lights import SKY_LIGHTS, DirectionalLight
 
 SPLAT_BYTES = 4 * SPLAT_WORDS  # a pixel
 FRACTION_BITS = 36  # of a unit below the brightness that the scene's lights promise: what is dimmer by 2^-37 is lost
@@ -41,7 +41,10 @@ def check_photon(flat: FlatScene) -> None:
     if has_relief(flat):
         found.append(Problem("materials", "a normal or bump map", "none with integrator photon: their normals turn "
                              "towards the viewer, whom light does not know"))  # fmt: skip
-    endless = any(isinstance(light, (DirectionalLight, EnvironmentLight)) for light in flat.lights)
+    if any("priority" in model.model_fields_set for model in flat.materials):
+        found.append(Problem("materials", "clear bodies with a priority", "none with integrator photon: light that "
+                             "starts within bodies does not know them"))  # fmt: skip
+    endless = any(isinstance(light, (DirectionalLight, *SKY_LIGHTS)) for light in flat.lights)
     if endless and any(shape.kind == "plane" for shape in flat.shapes):
         found.append(Problem("objects", "an infinite plane under light from infinity", "a rectangle with integrator "
                              "photon, which cannot send light to all of a plane"))  # fmt: skip

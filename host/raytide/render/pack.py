@@ -27,6 +27,7 @@ from raytide.kernels.records import NONE, RECORDS
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
 from raytide.render.lights import choice_of, left_to_scattering, pack_lights
 from raytide.render.measured import place_tables
+from raytide.render.nested import media_at, rank_bodies
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
@@ -50,6 +51,8 @@ class PackedScene:
     origin: np.ndarray
     textures: PackedTextures
     meshes: list[PackedMesh]
+    media: np.ndarray  # (4,) uint32: clear bodies around the camera, where bodies may overlap
+    first_medium: int  # the one of them that counts
 
     @property
     def nbytes(self) -> int:
@@ -107,7 +110,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         tree=render.bvh != "none",
         lens=camera.type == "thin_lens" or (everything and camera.type == "pinhole"),
         orthographic=camera.type == "orthographic",
-        **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "lanczos")},
+        **{name: render.filter == name for name in ("gaussian", "tent", "mitchell", "catmull_rom", "lanczos")},
         center=render.filter == "centre",
         local=render.integrator == "local",
         photon=render.integrator == "photon" and bool(lights),
@@ -137,7 +140,7 @@ def surfaces_of(flat: FlatScene, material: int) -> set[int]:
 def pack(flat: FlatScene, features: Features) -> PackedScene:
     """Records of `flat`, relative to its camera, as kernels with `features` read them. UsageError where absorbing
     materials are too many to be told apart."""
-    if features.absorption and len(flat.materials) > MOST_MEDIA:
+    if (features.absorption or features.nested) and len(flat.materials) > MOST_MEDIA:
         raise UsageError(f"came {len(flat.materials)} materials, some of which absorb; wanted {MOST_MEDIA} at most")
     origin = np.asarray(flat.camera.origin, np.float64)
     planes_first = sorted(range(len(flat.shapes)), key=lambda j: flat.shapes[j].kind != "plane")
@@ -145,6 +148,10 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
     geometry = _geometry(flat, origin, planes_first, meshes)
     objects = _objects(flat, planes_first)
     materials = _materials(flat)
+    media, first_medium = np.zeros(4, np.uint32), 0
+    if features.nested and features_of(flat).nested:  # not where it only stands among everything
+        rank_bodies(flat, materials)
+        media, first_medium = media_at(flat, materials, origin)
     textures = pack_textures(flat, features, materials)
     lights = pack_lights(flat, geometry, objects, origin, planes_first, textures, choice_of(flat))
     return PackedScene(
@@ -159,6 +166,8 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
         origin=origin,
         textures=textures,
         meshes=meshes,
+        media=media,
+        first_medium=first_medium,
     )
 
 

@@ -16,6 +16,7 @@ _RAY, _HIT = RECORDS["Ray"].size, RECORDS["Hit"].size
 SLOT_BYTES = 2 * _RAY + _HIT + 3 * 16 + 4 * 4 + -(-2 * EDGE_BINS * 4 // PARTITION_CHUNK)
 SAMPLE_BYTES = 16
 Chunk = tuple[int, int, int, int]  # first tile, tiles, first sample, samples: what is traced before the film takes it
+MEDIA_BYTES = 16  # a slot more where clear bodies overlap
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity
 NORMAL_BYTES = 4  # a slot more where lights are picked by a tree
 TARGET_BYTES = 4  # a slot more where light is traced to the camera
@@ -126,8 +127,8 @@ class WavePlan:
 
 def slot_bytes_of(features: Features) -> int:
     """What the wave buffers hold for each path."""
-    more = NORMAL_BYTES * features.light_tree + TARGET_BYTES * features.photon
-    return SLOT_BYTES + SCATTERING_BYTES * features.opacity + more
+    optional = SCATTERING_BYTES * features.opacity + MEDIA_BYTES * features.nested + NORMAL_BYTES * features.light_tree
+    return SLOT_BYTES + optional + TARGET_BYTES * features.photon
 
 
 def plan_waves(

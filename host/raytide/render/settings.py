@@ -59,6 +59,7 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     sky_alone = len(packed.lights) == 1 and left_to_scattering(flat)
     row["light_count"], row["environment"] = 0 if sky_alone else len(packed.lights), packed.environment
     row["filter_radius"] = render.width / 2
+    row["media"], row["first_medium"] = packed.media, packed.first_medium
     row["sun_count"] = sum(light.kernel == "sun" for light in flat.lights)
     row["shadows"] = render.shadows
     row["shadows_alone"] = shadows_alone(flat)

@@ -82,6 +82,7 @@ class SceneBuffers:
         """`meshes` are records Mesh."""
         flat = packed.geometry
         self._visibility, self.opacity = features.visibility, features.opacity
+        self.nested = features.nested
         self._geometry: tuple[Buffer | np.uint32, ...] = (
             *forest.buffers(device),
             device.upload(packed.triangles),
@@ -160,6 +161,7 @@ class Waves:
         self.path_rays, self.shadow_rays = device.empty(slots * ray), device.empty(slots * ray)
         self.hits = device.empty(slots * RECORDS["Hit"].size)
         self.scatterings = (device.empty(slots * 16),) if scene.opacity else ()
+        self._media = (device.empty(slots * 16),) if scene.nested else ()
         self.throughput, self.paths = device.empty(slots * 16), device.empty(slots * 16)
         self.shadow_light, self.status = device.empty(slots * 16), device.empty(slots * 4)
         self.queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
@@ -228,7 +230,7 @@ class Waves:
         self.device.launch(
             self.programs["primary"], "primary", count, 64,
             self.scene.camera, self.settings, self.queues[0], *(np.uint32(x) for x in numbers),
-            self.path_rays, self.throughput, self.paths, self.samples, *self.scatterings, *extra,
+            self.path_rays, self.throughput, self.paths, self.samples, *self.scatterings, *self._media, *extra,
             label="camera",
         )  # fmt: skip
         self.extend(place, count, "primary", "camera")
@@ -261,7 +263,7 @@ class Waves:
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
             self.queues[0], np.uint32(count),
             self.path_rays, self.hits, self.throughput, self.paths, self.status,
-            self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings,
+            self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings, *self._media,
             label="shade",
         )  # fmt: skip
         return self.follow(count, label, "shadow", self.samples)

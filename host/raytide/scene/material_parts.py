@@ -10,13 +10,13 @@ from pydantic import model_validator
 from raytide.scene.model import Table
 from raytide.scene.presets import CONDUCTORS
 from raytide.scene.textured import allow_texture, texture_of
-from raytide.scene.values import Absorption, Emission, Flag, Index, Number, Reflectance, key
+from raytide.scene.values import Absorption, Count, Emission, Flag, Index, Number, Reflectance, key
 
 Distribution = Literal["ggx", "beckmann"]
 Preset = Literal["aluminium", "chromium", "copper", "gold", "silver", "tungsten"]
 
 # Switches of kernels/features.py that materials turn on.
-SWITCHES = ("absorption", "beckmann", "compensation", "one_sided", "opacity", "subsurface", "tangents",
+SWITCHES = ("absorption", "beckmann", "compensation", "nested", "one_sided", "opacity", "subsurface", "tangents",
             "transmission")
 
 
@@ -170,6 +170,10 @@ class Body(Boundary):
     """What clear materials with an inside share."""
 
     absorption: Absorption = key((0.0, 0.0, 0.0), unit="1/m", doc="absorption coefficient inside")
+    priority: Count | None = key(
+        None, low=0, high=255, doc="of bodies that overlap the one of the highest counts; 0 where others name one"
+    )
+
     scattering: Absorption = key((0.0, 0.0, 0.0), unit="1/m", doc="scattering coefficient inside")
     albedo: Reflectance | None = key(
         None, doc="share of light that goes on from where it meets something inside, in place of both coefficients"
@@ -198,4 +202,11 @@ class Body(Boundary):
     def switches(self) -> frozenset[str]:
         scatters = self.model_fields_set & {"scattering", "albedo", "mean_free_path"}
         given = {"subsurface", "absorption"} if scatters else {"absorption"} & self.model_fields_set
-        return super().switches() | given
+        return super().switches() | given | ({"nested"} if "priority" in self.model_fields_set else set())
+
+    @model_validator(mode="after")
+    def _stands_alone(self) -> Self:
+        if self.priority is not None and self.exterior_ior != 1:
+            raise ValueError(f"came exterior_ior = {self.exterior_ior:g} with a priority; wanted either: bodies know"
+                             " what is around them")  # fmt: skip
+        return self

@@ -8,7 +8,7 @@ from raytide.scene.model import Table
 from raytide.scene.values import Count, Flag, Number, Seconds, Share, Window, key
 
 DEFAULT_WIDTH = {  # the Gaussian is cut at 2 pixels = 4 sigma of 0.5
-    "box": 1.0, "tent": 2.0, "gaussian": 4.0, "mitchell": 4.0, "lanczos": 6.0, "centre": 0.0,
+    "box": 1.0, "tent": 2.0, "gaussian": 4.0, "mitchell": 4.0, "catmull_rom": 4.0, "lanczos": 6.0, "centre": 0.0,
 }  # fmt: skip
 
 
@@ -34,12 +34,12 @@ class RenderSettings(Table):
     crop: Window | None = key(
         None, unit="pixels", doc="render only this window: column and row of its upper left pixel, width, height"
     )
-    filter: Literal["box", "tent", "gaussian", "mitchell", "lanczos", "centre"] = key(
-        "box", doc="pixel filter; mitchell and lanczos sharpen and are noisier; centre shoots through exact centres"
+    filter: Literal["box", "tent", "gaussian", "mitchell", "catmull_rom", "lanczos", "centre"] = key(
+        "box", doc="pixel filter; from mitchell on they sharpen and are noisier; centre shoots through exact centres"
     )
     filter_width: Number | None = key(
         None, above=0, high=16, unit="pixels",
-        doc="full width of the filter; default 1 for box, 2 for tent, 4 for gaussian and mitchell, 6 for lanczos",
+        doc="full width of the filter; default 1 for box, 2 for tent, 6 for lanczos, 4 for the others",
     )
     light_choice: Literal["auto", "uniform", "power", "tree"] = key(
         "auto", doc="how one of all lights is picked at a point; tree: by what each could send there; auto: the tree "

@@ -108,9 +108,10 @@ def needles(lab: Lab) -> Iterator[Trial]:
         hits, _ = traced.trace(rays_of(origin, direction))
         wide = corners.astype(np.float64)
         normal = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
-        truth = (normal * (wide[:, 0] - origin)).sum(1) / (normal * direction.astype(np.float64)).sum(1)
         own = hits["prim"] == np.arange(n)
-        error = np.where(own, hits["t"] / truth - 1, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):  # the thinnest have no area once they are rounded
+            truth = (normal * (wide[:, 0] - origin)).sum(1) / (normal * direction.astype(np.float64)).sum(1)
+            error = np.where(own, hits["t"] / truth - 1, 0.0)
         share = float(own.mean())
         excess = joined(bounded(error, 1e-6 * aspect), forbidden(~np.isfinite(hits["t"])))
         return Judged(excess, {"met": f"{share:.2%}"}, {"99.9 % met": share >= 0.999 or aspect > 1e4})

@@ -142,16 +142,25 @@ def _read_other_filter(build: Build, reader: Reader, plugin: Plugin, render: dic
         unknown_plugin(build, plugin, known, ())
         return
     filters = build.kinds.get("filters", {})
-    wanted = "mitchell" if plugin.type == "catmullrom" else plugin.type
     usual: dict[str, dict[str, float]] = {
-        "tent": {"radius": 1.0}, "mitchell": {"B": 1 / 3, "C": 1 / 3}, "catmullrom": {}, "lanczos": {"lobes": 3},
+        "tent": {}, "mitchell": {"B": 1 / 3, "C": 1 / 3}, "catmullrom": {}, "lanczos": {"lobes": 3},
     }  # fmt: skip
-    odd = [name for name, value in usual[plugin.type].items() if abs(reader.number(name, value) - value) > 1e-6]
-    if wanted in filters and plugin.type != "catmullrom" and not odd:
-        render["filter"] = wanted
-    else:
+    given = {name: reader.number(name, value) for name, value in usual[plugin.type].items()}
+    odd = [name for name, value in usual[plugin.type].items() if abs(given[name] - value) > 1e-6]
+    wanted = "catmull_rom" if plugin.type == "catmullrom" else plugin.type
+    if plugin.type == "mitchell" and abs(given["B"]) < 1e-6 and abs(given["C"] - 0.5) < 1e-6:
+        wanted, odd = "catmull_rom", []
+    if wanted not in filters or odd:
         what = f"the filter {plugin.type}" + (f" with {odd[0]}" if odd else "")
         reader.lacks(what, "box or gaussian" if wanted not in filters else f"{wanted} with its usual parameters")
+        return
+    render["filter"] = wanted
+    if plugin.type == "tent":
+        radius = reader.number("radius", 1.0)
+        if not radius > 0:
+            reader.problem("radius", f"{radius:g}", "a number above 0")
+        elif radius != 1:
+            render["filter_width"] = 2 * radius
 
 
 def _read_sampler(build: Build, plugin: Plugin | None, render: dict[str, Any]) -> None:
