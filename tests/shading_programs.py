@@ -154,6 +154,7 @@ def every_feature(**changes: Any) -> Features:
             "shapes": ("box", "disk", "plane", "rectangle", "sphere"),
             "tree": False,
             **dict.fromkeys(SWITCHES, True),
+            "nested": False,  # materials here have no neighbours: probes hand them over as they lie in their buffer
             **changes,
         }
     )

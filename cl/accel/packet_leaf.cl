@@ -49,7 +49,8 @@ ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint
     const Sheared8 s = sheared_for8(p, group, lane_corner3(lane, x, y, axis * ROW),
                                     lane_corner3(lane + 3u * ROW, x, y, axis * ROW),
                                     lane_corner3(lane + 6u * ROW, x, y, axis * ROW));
-    const Edges8 e = edges_of8(s);
+    Edges8 e;
+    edges_of8(s, &e);
     int8 met = inside_edges8(e);
     if (movemask8(met) == 0u) {  // half of all cases: known before the division is done
         return 0;

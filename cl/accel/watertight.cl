@@ -67,14 +67,13 @@ typedef struct {
     float8 u, v, w, sum;
 } Edges8;
 
-ALWAYS_INLINE static Edges8 edges_of8(const Sheared8 s)
+// By pointer: a structure that an inlined function returns leaves marks that Oclgrind does not know.
+ALWAYS_INLINE static void edges_of8(const Sheared8 s, Edges8 *e)
 {
-    Edges8 e;
-    e.u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
-    e.v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
-    e.w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
-    e.sum = (e.u + e.v) + e.w;
-    return e;
+    e->u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
+    e->v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
+    e->w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
+    e->sum = (e->u + e->v) + e->w;
 }
 
 ALWAYS_INLINE static int8 inside_edges8(const Edges8 e)
@@ -91,7 +90,8 @@ ALWAYS_INLINE static float8 depth_between8(const Sheared8 s, const Edges8 e)
 // Lanes in which the ray meets the triangle at a scaled depth in [0, limit], and those depths.
 ALWAYS_INLINE static int8 sheared_met8(const Sheared8 s, const float8 limit, float8 *depth)
 {
-    const Edges8 e = edges_of8(s);
+    Edges8 e;
+    edges_of8(s, &e);
     const float8 z = depth_between8(s, e);
     *depth = z;
     return inside_edges8(e) & (z >= (float8)(0.0f)) & (z <= limit);

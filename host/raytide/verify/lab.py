@@ -99,7 +99,7 @@ class Lab:
 
     def bsdf(self, material: Material) -> Bsdf:
         """The functions of one material of a scene."""
-        switches: dict[str, Any] = dict.fromkeys(SWITCHES, True)
+        switches: dict[str, Any] = dict.fromkeys(SWITCHES, True) | {"nested": False}  # a material without neighbours
         parameters = tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS))
         features = Features(materials=parameters, tree=False, **switches)
         return Bsdf(self.device, self._program("material", "probe/material.cl", features), material_record(material))
