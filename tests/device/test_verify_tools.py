@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from raytide.device import Device
 from raytide.render.film import Film, FilmData
+from raytide.render.film_sums import Sums
 from raytide.verify.against import compare, scenes
 from raytide.verify.cost import measure
 from raytide.verify.fuzz import fault_of, render_fuzzed
@@ -55,7 +56,8 @@ def test_scenes_of_extremes_end_finite_with_no_sample_left_out(lab: Lab) -> None
 def film_of(value: float, **health: int) -> Film:
     rows = np.zeros((8, 8, 4), np.float32)
     rows[..., :3], rows[..., 3] = value, np.full((8, 8), 1, np.uint32).view(np.float32)
-    data = FilmData(rows, np.zeros_like(rows), np.zeros((8, 8, 3, 4), np.float32), {"negative": 0} | health)
+    sums = Sums.of_buffers(rows, np.zeros_like(rows))
+    data = FilmData(sums, np.zeros((8, 8, 3, 4), np.float32), {"negative": 0} | health)
     return Film(1, {}, {}, lambda: data)
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from raytide.render.adaptive import LEAST, Allocation
 from raytide.render.film import FilmData
+from raytide.render.film_sums import Sums
 
 SIZE = (43, 29)  # ragged tiles
 
@@ -30,7 +31,7 @@ def film_of(counts: np.ndarray, squared: Callable[[int], np.ndarray]) -> FilmDat
         rows[..., 1, :3][(counts >= 4 * n) & (counts < 16 * n)] = squared(int(n))[
             (counts >= 4 * n) & (counts < 16 * n), None
         ]
-    return FilmData(sums, np.zeros_like(sums), rows, {})
+    return FilmData(Sums.of_buffers(sums, np.zeros_like(sums)), rows, {})
 
 
 def odd_pixels() -> np.ndarray:
