@@ -45,6 +45,16 @@ static void shade_miss(const Shading *s, const Ray ray, const uint slot, const u
 #endif
 }
 
+// Whether paths end here by their length; in the integrator local reflection_depth alone ends them.
+static int is_last(global const Settings *settings, const uint edge)
+{
+#if HAS_LOCAL
+    return 0;
+#else
+    return edge >= settings->max_depth;
+#endif
+}
+
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
 static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCATTERINGS_ARGUMENT MEDIA_ARGUMENT)
@@ -75,8 +85,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
             emission_seen(s->lights, before, s->settings, s->g, s->objects, vertex, ray, hit, path.y);
         s->samples[path.x] += told(s->faults, seen, 1.0f, FAULT_EMISSION, edge);
     }
-    const int last = !HAS_LOCAL && edge >= s->settings->max_depth;  // there reflection_depth alone ends paths
-    if (passed || last || is_black(&vertex)) {
+    if (passed || is_last(s->settings, edge) || is_black(&vertex)) {
         return;
     }
     const Sampler sampler = sampler_for(s->settings, path.z, path.w);
