@@ -49,7 +49,7 @@ FAULTS = (
     Fault("random numbers skewed", "cornell", "wave/shade.cl",
           "const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));",
           "const float8 both = 0.99f * sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));",
-          wide=("base/wide_sampler.cl", "return float8_of(as_int8(bits)) * 5.9604644775390625e-8f;",
+          wide=("base/sampler.cl", "return float8_of(as_int8(bits)) * 5.9604644775390625e-8f;",
                 "return float8_of(as_int8(bits)) * 5.9e-8f;")),
     Fault("light sampling without its weight against chance", "cornell", "wave/vertex.cl",
           "const float weight = light.delta || shadows_alone(settings) ? 1.0f : power_heuristic(pdf, bsdf.pdf);",
