@@ -2,7 +2,8 @@
 #include "base/portable.cl"
 #include "base/sampler.cl"
 #include "base/wide.cl"
-// Sample numbers of eight samplers at once: in each lane what sample_4d gives.
+// Sample numbers of eight samplers at once: in each lane what sampler_for and sample_4d of base/sampler.cl give, which
+// tests/device/test_wide_functions.py holds to the bit.
 
 #if DEVICE_CPU
 typedef struct {
