@@ -36,8 +36,11 @@ CASES = {
     ),
     "density_by_area": ("rows8(A3, density_by_area8(A3, B3, C3, C.w))", "make4(a3, density_by_area(a3, b3, c3, c.w))"),
     "spawn_origin": ("rows8(spawn_origin8(&from, C3), zero)", "make4(spawn_origin(&from_one, c3), 0.0f)"),
-    "sampler_for, sample_4d": ("sample_4d_of8(samplers_for(settings, N, M), L)", "sample_4d(sampler_for(settings, n, m), l)"),
-}  # fmt: skip
+    "sampler_for, sample_4d": (
+        "sample_4d_of8(samplers_for(settings, N, M), L)",
+        "sample_4d(sampler_for(settings, n, m), l)",
+    ),
+}
 
 KERNEL = """
 #include "base/wide.cl"
@@ -90,7 +93,7 @@ def source() -> str:
 
 
 def numbers(seed: int, count: int) -> np.ndarray:
-    """(count, 4) float32: first of ordinary size, then of any, then with zeros, denormals, infinity and NaN among them."""
+    """(count, 4) float32: a third of ordinary size, then of any size, then zeros, denormals, infinity, NaN among them."""
     rng = np.random.default_rng(seed)
     out = rng.normal(size=(count, 4))
     part = count // 3
@@ -112,8 +115,9 @@ def test_every_lane_has_the_bits_of_the_function_of_one(device: Any, sampler: st
     settings["seed"], settings["block_bits"] = 77, 4
     given = [device.upload(numbers(seed, count)) for seed in (1, 2, 3)]
     wide, alone = (device.empty(16 * count * len(CASES)) for _ in range(2))
-    device.launch(program(device, f"wide {sampler}", source(), features), "probe_wide", count // 8, LOCAL, np.uint32(count),
-                  device.upload(settings), *given, wide, alone)  # fmt: skip
+    built = program(device, f"wide {sampler}", source(), features)
+    arguments = (np.uint32(count), device.upload(settings), *given, wide, alone)
+    device.launch(built, "probe_wide", count // 8, LOCAL, *arguments)
     found, wanted = (device.read(buffer, F4, 4 * count * len(CASES)).reshape(-1, count, 4) for buffer in (wide, alone))
     for name, these, those in zip(CASES, found, wanted, strict=True):
         same = (these.view(np.uint32) == those.view(np.uint32)) | (np.isnan(these) & np.isnan(those))
