@@ -93,7 +93,7 @@ def source() -> str:
 
 
 def numbers(seed: int, count: int) -> np.ndarray:
-    """(count, 4) float32: a third of ordinary size, a third of any size, a third with zeros, denormals, infinity and NaN."""
+    """(count, 4) float32: a third of ordinary size, a third of any, a third with zeros, denormals, infinity and NaN."""
     rng = np.random.default_rng(seed)
     out = rng.normal(size=(count, 4))
     part = count // 3
