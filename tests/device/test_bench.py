@@ -88,11 +88,13 @@ def test_a_right_workload_is_ok_with_all_its_figures(device: Device) -> None:
     assert sum(one["share"] for one in found["kernels"]) == pytest.approx(1.0)
 
 
+@pytest.mark.one_driver
 def test_another_order_of_triangles_is_no_fault(device: Device) -> None:
     found = renders.measure_render(device, "cornell", TINY, hush, scramble=5)
     assert found["status"] == "ok" and "same_samples" not in found["validity"], found["reason"]
 
 
+@pytest.mark.one_driver
 @pytest.mark.parametrize("name", ["reflectance at glass a tenth too high", "last row of pixels lost"])
 def test_a_wrong_kernel_is_invalid_and_says_why(
     device: Device, name: str, mutated: Callable[[str, str, str], None]
