@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from raytide.render.tile_evidence import TILE, factor, gather, power_of_four, relative_to
+from raytide.render.tile_evidence import TILE, factor, gather, power_of_four
 
 SMALLEST_RATIO, LARGEST_RATIO = 4.0, 64.0  # r: plain Monte Carlo; smooth integrands
 BELIEVED = 0.25  # share of the excess of the slope over 1 that is taken to go on
@@ -73,10 +73,9 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
     if spp < 4:
         return None
     early = power_of_four(spp) < 16
-    denominator = relative_to(mean)
-    ratio = SMALLEST_RATIO if early else _pooled_ratio(now / denominator, before / denominator)
-    slope = float(np.log2(ratio)) / 2
     found = gather(mean, now, before, spp)
+    ratio = SMALLEST_RATIO if early else _pooled_ratio(*found.by_pixel)
+    slope = float(np.log2(ratio)) / 2
     share = found.pixels / found.pixels.sum()
     surely = found.seen < found.flat * np.exp(-np.sqrt(SPREAD / found.rulers))
     tiles = np.where(surely, found.seen, found.flat)
@@ -97,7 +96,7 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
 
 def _pooled_ratio(now: np.ndarray, before: np.ndarray) -> float:
     """r from all pixels together. Pixels that rule the sum are cut at a high quantile, in both sums alike."""
-    a, b = now.sum(axis=2).ravel(), before.sum(axis=2).ravel()
+    a, b = now.ravel(), before.ravel()
     keep = a + b <= np.quantile(a + b, 0.999)
     total = float(a[keep].sum())
     ratio = float(b[keep].sum()) / total if total > 0 else SMALLEST_RATIO

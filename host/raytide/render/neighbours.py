@@ -16,20 +16,22 @@ import numpy as np
 SINGLE, DOUBLE = 6.0, 36.0  # sums of the squared weights 1, -2, 1, and of their product with themselves
 
 
-def seen_variances(mean: np.ndarray) -> Iterator[np.ndarray]:
-    """Squares with the expectation of a pixel's variance or more: (h, w, 3) float64, radiance^2, for each kind of
-    second difference that fits into `mean` (h, w, 3). Pixels at the border have their neighbour's."""
+def seen_variances(mean: np.ndarray, weight: np.ndarray) -> Iterator[np.ndarray]:
+    """Squares with the expectation of a pixel's variance or more, by `weight`, means over the channels: (h, w) float64,
+    for each kind of second difference that fits into `mean` and `weight` (h, w, 3). Pixels at the border have their
+    neighbour's."""
     values = mean.astype(np.float64)
     down, across = (side >= 3 for side in mean.shape[:2])
     if across:
-        yield padded(np.diff(values, 2, axis=1) ** 2 / SINGLE, 0, 1)
+        yield weighted(np.diff(values, 2, axis=1), weight[:, 1:-1], SINGLE, (0, 1))
     if down:
         values = np.diff(values, 2, axis=0)
-        yield padded(values**2 / SINGLE, 1, 0)
+        yield weighted(values, weight[1:-1], SINGLE, (1, 0))
     if across and down:
-        yield padded(np.diff(values, 2, axis=1) ** 2 / DOUBLE, 1, 1)
+        yield weighted(np.diff(values, 2, axis=1), weight[1:-1, 1:-1], DOUBLE, (1, 1))
 
 
-def padded(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """`image` (h, w, 3) with its border repeated."""
-    return np.pad(image, ((rows, rows), (columns, columns), (0, 0)), mode="edge")
+def weighted(differences: np.ndarray, weight: np.ndarray, squares: float, border: tuple[int, int]) -> np.ndarray:
+    """The weighted square over the sum of the squared factors, its border repeated by so many rows and columns."""
+    inner = np.einsum("ijk,ijk,ijk->ij", differences, differences, weight) / (squares * differences.shape[2])
+    return np.pad(inner, [(side, side) for side in border], mode="edge")

@@ -32,9 +32,11 @@ class Evidence:
     relative as relMSE is: squares over radiance^2 + e^2.
 
     `now`, `before`: Q at the last two powers of four. `flat`: upper bound of relMSE from `now`, for a slope of 1.
-    `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to `pixels`.
+    `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to `pixels`. `by_pixel`: Q of each
+    pixel at the same two, (h, w).
     """
 
+    by_pixel: tuple[np.ndarray, np.ndarray]
     now: np.ndarray
     before: np.ndarray
     flat: np.ndarray
@@ -46,26 +48,22 @@ class Evidence:
 def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> Evidence:
     """What `mean` (h, w, 3) after `spp` samples a pixel tells; `now`, `before`: Q (h, w, 3) at the largest power of
     four up to `spp` and at the one before."""
-    denominator = relative_to(mean)
-    q = (now / denominator).mean(axis=2)
+    weight = 1.0 / (mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2)
+    q, earlier = (np.einsum("ijk,ijk->ij", one, weight) / one.shape[2] for one in (now, before))
     pixels = tile_sums(np.ones_like(q))
     total = tile_sums(q)
     seen = np.full_like(pixels, np.inf)
-    for squares in seen_variances(mean):
-        seen = np.minimum(seen, tile_sums((squares / denominator).mean(axis=2)) / pixels)
+    for squares in seen_variances(mean, weight):
+        seen = np.minimum(seen, tile_sums(squares) / pixels)
     return Evidence(
+        by_pixel=(q, earlier),
         now=total / pixels,
-        before=tile_sums((before / denominator).mean(axis=2)) / pixels,
+        before=tile_sums(earlier) / pixels,
         flat=total / pixels * factor(1.0, spp),
         seen=seen,
         rulers=np.maximum(total**2 / np.maximum(tile_sums(q**2), 1e-300), 1.0),
         pixels=pixels,
     )
-
-
-def relative_to(mean: np.ndarray) -> np.ndarray:
-    """radiance^2 + e^2 of `mean` (h, w, 3): the denominator of relMSE."""
-    return mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2
 
 
 def factor(slope: np.ndarray | float, spp: int) -> np.ndarray:
