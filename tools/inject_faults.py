@@ -1,6 +1,6 @@
 """Does to a render's files and to its process what disks, people and systems do, and checks that nothing is lost.
 
-Every case is a whole command in a folder of its own: it must exit as promised, say why in words that name the file, and
+Every case is a whole command on a fresh copy of an unfinished render: it must exit as promised, say why in words that name the file, and
 leave the picture of a render that was never disturbed, bit for bit, or the generation that was there before.
 
     python3 tools/run.py python tools/inject_faults.py [CASE...]
@@ -35,28 +35,31 @@ PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1  # linux/prctl.h, linux/capability.h
 
 
 class Lab:
-    """The undisturbed picture, and an unfinished render of it with two generations, to copy from."""
+    """The undisturbed picture, and an unfinished render of it with two generations. Checkpoints name their scene and
+    picture by whole paths, so that every case has the same folder, made anew."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.origin = folder / "origin"
-        self.origin.mkdir()
-        shutil.copy(SCENE, self.origin / "scene.toml")
-        self.run(self.origin, "render", "scene.toml", "--size", SIZE, "--spp", str(SPP), "-o", "whole.exr")
-        child = self.start(self.origin, *self.begin())
-        until(child, lambda: spp_of(self.origin / "a.ck") >= 32)
+        self.work, self.origin = folder / "work", folder / "origin"
+        self.work.mkdir()
+        shutil.copy(SCENE, self.work / "scene.toml")
+        self.run(self.work, "render", "scene.toml", "--size", SIZE, "--spp", str(SPP), "-o", "whole.exr")
+        child = self.start(self.work, *self.begin())
+        until(child, lambda: spp_of(self.work / "a.ck") >= 32)
         child.terminate()
         child.communicate()
-        assert checkpoint_file.old_of(self.origin / "a.ck").exists()
+        assert checkpoint_file.old_of(self.work / "a.ck").exists()
+        (self.work / "a.exr").unlink()
+        self.work.rename(self.origin)
 
     def begin(self, checkpoint: str = "a.ck", spp: int = SPP) -> list[str]:
         """The command that keeps its render."""
         return ["render", "scene.toml", "--size", SIZE, "--spp", str(spp), "-o", "a.exr", "--checkpoint", checkpoint,
                 "--every", "0.02"]  # fmt: skip
 
-    def copy(self, name: str) -> Path:
-        """A folder with the unfinished render."""
-        return Path(shutil.copytree(self.origin, self.folder / name))
+    def anew(self) -> Path:
+        """The folder with the unfinished render, as it was."""
+        shutil.rmtree(self.work, ignore_errors=True)
+        return Path(shutil.copytree(self.origin, self.work))
 
     def start(self, folder: Path, *words: str, **other: object) -> subprocess.Popen[str]:
         command = [sys.executable, "-P", "-m", "raytide", *words]
@@ -153,8 +156,8 @@ def read_only(lab: Lab, folder: Path) -> str:
     place.chmod(0o555)
     said = child.communicate(timeout=600)[1]
     place.chmod(0o755)
-    assert child.returncode in (0, 3) and "the render goes on" in said, (child.returncode, said)
-    return f"refused; midway: told, exit {child.returncode}, {lab.same(folder)}, {goes_on(lab, folder, place / 'a.ck')}"
+    assert child.returncode == 1 and "the render goes on" in said and "picture was written" in said, said
+    return f"refused; midway: told, exit 1, {lab.same(folder)}, {goes_on(lab, folder, place / 'a.ck')}"
 
 
 def goes_on(lab: Lab, folder: Path, path: Path) -> str:
@@ -183,9 +186,9 @@ def disk_full(lab: Lab, folder: Path) -> str:
                 except OSError:
                     time.sleep(0.001)
         said = child.communicate()[1]
-        assert child.returncode in (0, 3) and "No space left" in said and "the render goes on" in said, said
+        assert child.returncode == 1 and "No space left" in said and "picture was written" in said, said
         (place / "rest").unlink()
-        return f"told, exit {child.returncode}, {lab.same(folder)}, {goes_on(lab, folder, place / 'a.ck')}"
+        return f"told, exit 1, {lab.same(folder)}, {goes_on(lab, folder, place / 'a.ck')}"
     finally:
         subprocess.run(["umount", str(place)], check=True)
 
@@ -240,7 +243,7 @@ def main() -> int:
             if wanted and case.__name__ not in wanted:
                 continue
             try:
-                told = case(lab, lab.copy(case.__name__))
+                told = case(lab, lab.anew())
             except (AssertionError, subprocess.TimeoutExpired) as error:
                 told, lost = f"NOT SURVIVED: {error}", lost + 1
             print(f"{case.__name__:16}{told}", flush=True)

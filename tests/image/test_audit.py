@@ -43,7 +43,8 @@ def test_an_audit_finds_bands_that_are_too_low_and_too_narrow(
     renderer: tuple[rt.Renderer, Truth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plan = Plan(Path("cornell.toml"), variants_of([]), (Budget(16),), 4)
-    monkeypatch.setattr(tile_error, "SPREAD", 0.01)
+    monkeypatch.setattr(tile_error, "SPREAD_UP", 0.01)
+    monkeypatch.setattr(tile_error, "SPREAD_DOWN", 0.01)
     monkeypatch.setattr(tile_error, "LEAST_SPREAD", 0.01)
     (narrow,) = audit_scene(renderer[0], plan, renderer[1], lambda: False)
     assert narrow.words in ("too low", "too high") and narrow.coverage is not None and narrow.coverage < 0.8
