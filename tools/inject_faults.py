@@ -1,7 +1,7 @@
 """Does to a render's files and to its process what disks, people and systems do, and checks that nothing is lost.
 
-Every case is a whole command on a fresh copy of an unfinished render: it must exit as promised, say why in words that name the file, and
-leave the picture of a render that was never disturbed, bit for bit, or the generation that was there before.
+Every case is a whole command on a fresh copy of an unfinished render: it must exit as promised, say why in words that
+name the file, and leave the picture of a render that was never disturbed, bit for bit, or the generation before.
 
     python3 tools/run.py python tools/inject_faults.py [CASE...]
 

@@ -20,7 +20,6 @@ from raytide.render.tile_evidence import TILE, factor, gather, power_of_four
 
 SMALLEST_RATIO, LARGEST_RATIO = 4.0, 64.0  # r: plain Monte Carlo; smooth integrands
 BELIEVED = 0.25  # share of the excess of the slope over 1 that is taken to go on
-SPREAD = 3.0  # variance of log(flat bound / truth) times the pixels that rule a tile
 STEEPER = 0.5  # by how much more than so far the slope may be: the low end of the band
 DOUBT, EARLY_DOUBT = 0.35, 1.0  # relative: what the extrapolation does not know, from 16 samples on and before
 
@@ -77,11 +76,10 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
     ratio = SMALLEST_RATIO if early else _pooled_ratio(*found.by_pixel)
     slope = float(np.log2(ratio)) / 2
     share = found.pixels / found.pixels.sum()
-    surely = found.seen < found.flat * np.exp(-np.sqrt(SPREAD / found.rulers))
-    tiles = np.where(surely, found.seen, found.flat)
+    tiles = np.where(found.settled, found.seen, found.flat)
     value = float(np.sum(share * tiles))
     half_band = 1.96 * float(np.hypot(_standard_error(tiles, share), value * (EARLY_DOUBT if early else DOUBT)))
-    steep = np.where(surely, found.seen, found.now * factor(slope + STEEPER, spp))  # if all of the slope goes on
+    steep = np.where(found.settled, found.seen, found.now * factor(slope + STEEPER, spp))  # if all of the slope goes on
     low = value - half_band if early else min(value - half_band, float(np.sum(share * steep)))
     variance = now * over_pixels(tiles / np.maximum(found.now, 1e-300), mean)
     return ErrorEstimate(

@@ -23,6 +23,7 @@ import numpy as np
 from raytide.render.neighbours import seen_variances
 
 TILE = 8  # pixels
+SPREAD = 3.0  # variance of log(flat bound / truth) times the pixels that rule a tile
 FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 
 
@@ -43,6 +44,11 @@ class Evidence:
     seen: np.ndarray
     rulers: np.ndarray
     pixels: np.ndarray
+
+    @property
+    def settled(self) -> np.ndarray:
+        """Where the bound from the neighbours is the lower one by more than the chance of the other."""
+        return np.asarray(self.seen < self.flat * np.exp(-np.sqrt(SPREAD / self.rulers)))
 
 
 def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> Evidence:
