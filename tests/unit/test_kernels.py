@@ -12,6 +12,7 @@ import pytest
 from raytide.kernels import NONE, RECORDS, Features, assemble
 from raytide.kernels.features import kind_number, kinds
 from raytide.kernels.records import Member, Record
+from raytide.kernels.widen import of_eight
 from raytide.render.schedule import AOV, WAVES
 
 FEATURES = Features(
@@ -85,6 +86,19 @@ def test_missing_file_and_include_cycle_are_errors(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("raytide.kernels.source.kernel_dir", lambda: tmp_path)
     with pytest.raises(ValueError, match="cycle: a.cl -> b.cl -> a.cl"):
         assemble("a.cl", FEATURES)
+
+
+def test_functions_of_eight_words_are_those_of_one_word_by_word() -> None:
+    text = """
+static uint twice(const uint x)
+{
+    return x + x;
+}
+static uint four_times(const uint x) { return twice(twice(x)); }
+"""
+    wide = of_eight(text)
+    assert "static uint8 four_times8(const uint8 x) { return twice8(twice8(x)); }" in wide
+    assert not re.search(r"\b(uint|twice|four_times)\b", wide)
 
 
 def test_kind_numbers_are_places_in_the_folder_listing() -> None:

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from raytide.kernels import constants, dispatch
+from raytide.kernels import constants, dispatch, widen
 from raytide.kernels.features import Features, kinds
 from raytide.kernels.paths import kernel_dir
 from raytide.kernels.records import NONE, c_text
@@ -88,4 +88,6 @@ def _expand(name: str, text: str, features: Features, files: list[str], chain: t
 
 @cache
 def _read(name: str) -> str:
+    if name == widen.WORDS_OF_EIGHT:
+        return widen.of_eight(_read(widen.WORDS))
     return (kernel_dir() / name).read_text(encoding="utf-8")
