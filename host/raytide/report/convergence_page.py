@@ -96,7 +96,8 @@ def scene_section(outcome: Outcome) -> Html:
     """Plots, tables and pictures of one scene."""
     width, height = outcome.truth.rgb.shape[1], outcome.truth.rgb.shape[0]
     own = math.sqrt(max(outcome.truth.own_relmse, 0.0))
-    about = f"{width}x{height}, reference {PurePath(outcome.truth.name).name} with an error of its own of {100 * own:.2g} %"
+    name = PurePath(outcome.truth.name).name
+    about = f"{width}x{height}, reference {name} with an error of its own of {100 * own:.2g} %"
     plots = [figure(time_plot(outcome, way, label)) for way, label in WAYS]
     if outcome.plan.most_spp:
         plots.append(figure(sample_plot(outcome), "Dashed: half the error for four times the samples, slope -0.5."))
