@@ -123,6 +123,7 @@ def test_one_unit_at_the_lowest_priority_is_no_fault(device: Device) -> None:
     assert status == "ok", reason
 
 
+@pytest.mark.one_driver
 @pytest.mark.parametrize("name", ["reflectance at glass a tenth too high", "last row of pixels lost",
                                   "what lies behind a hit is visited too"])  # fmt: skip
 def test_a_wrong_kernel_is_invalid_and_says_why(
