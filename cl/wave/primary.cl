@@ -27,8 +27,6 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint group = item / TILE;
 #if HAS_ADAPTIVE
     const uint tile = first_tile + group_tiles[group];
-    const uint4 span = spans[group_tiles[group]];
-    const uint sample = span.x + group - span.y;
 #else
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
@@ -36,8 +34,10 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint column = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
     const uint row = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
 #if HAS_ADAPTIVE
-    const int wanted = is_in_range(range_of(ranges[tile], column, row), sample);
-    const int inside = wanted && column < settings->width && row < settings->height;
+    const uint4 span = spans[group_tiles[group]];
+    const uint2 range = range_of(ranges[tile], column, row);
+    const uint sample = range.x + span.x + group - span.y;
+    const int inside = sample < range.y && column < settings->width && row < settings->height;
 #else
     const int inside = column < settings->width && row < settings->height;
 #endif
