@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from raytide.kernels.constants import TILE_SIDE
-from raytide.render.error import FLOOR, power_of_four
 from raytide.render.film import FilmData
 from raytide.render.schedule import Chunk
+from raytide.render.tile_evidence import FLOOR, power_of_four
 
 PILOT = 16  # samples that every pixel has before anything is decided; a power of four
 LEAST = 0.25  # of the mean number of samples: what every tile has at least
