@@ -50,7 +50,7 @@ def measure_render(
             spp = out["timing"]["work_per_value"]["spp"]
             out["scramble"] = found = against_plain(device, scene, workload, plan, spp, SEED)
             if not found["same"]:
-                validity.reasons.append(f"in disguise its rate is {found['ratio']:.3f} of the plain one's; 3 % may be")
+                validity.reasons.append(f"in disguise its rate is {found['ratio']:.3f} of the plain one's (3 % may be)")
         if plan.ledger:
             say(f"{name}: what leaving out saves")
             out["ledger"] = ledger(device, scene, workload, plan)
