@@ -18,6 +18,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     RAYTIDE_TEST_CACHE keeps that folder between runs, which saves the kernel builds.
     """
+    config.addinivalue_line("markers", "one_driver: a law of what every driver is given, held on one of them")
     kept = os.environ.get("RAYTIDE_TEST_CACHE")
     cache = getattr(config, "cache", None)  # absent with -p no:cacheprovider
     base = Path(kept) if kept else Path(cache.mkdir("raytide") if cache else tempfile.mkdtemp(prefix="raytide-"))
@@ -29,22 +30,23 @@ def pytest_configure(config: pytest.Config) -> None:
             del os.environ[name]  # a developer's settings must not decide a test
 
 
-def found_devices(pictures: bool = False) -> list[str]:
-    """Ids of the devices to test on: those that a word of RAYTIDE_TEST_DEVICES (commas) is part of; without it all, but
-    for whole pictures, which take minutes, the one that a render would take."""
+def found_devices(one: bool = False) -> list[str]:
+    """Ids of the devices to test on: those that a word of RAYTIDE_TEST_DEVICES (commas) is part of; without it all, or
+    the `one` that a render would take."""
     from raytide.device import list_devices, pick
 
     ids = [info.id for info in list_devices()]
     words = [word for word in os.environ.get("RAYTIDE_TEST_DEVICES", "").split(",") if word]
-    if pictures and ids and not words:
+    if one and ids and not words:
         return [pick().id]
     return [name for name in ids if not words or any(word in name for word in words)]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "device" in metafunc.fixturenames:
-        pictures = "image" in Path(str(metafunc.module.__file__)).parts
-        metafunc.parametrize("device", found_devices(pictures), indirect=True, scope="session")
+        pictures = "image" in Path(str(metafunc.module.__file__)).parts  # which take minutes
+        one = pictures or metafunc.definition.get_closest_marker("one_driver") is not None
+        metafunc.parametrize("device", found_devices(one), indirect=True, scope="session")
 
 
 @pytest.fixture(autouse=True)

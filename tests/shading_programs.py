@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -160,15 +161,16 @@ def every_feature(**changes: Any) -> Features:
     )
 
 
-_built: dict[tuple[int, str], Any] = {}
+# By the device itself: the id() of one that is gone may be the next one's, of another driver.
+_built: WeakKeyDictionary[Any, dict[str, Any]] = WeakKeyDictionary()
 
 
 def program(device: Any, name: str, extra: str, features: Features) -> Any:
     """The built program, kept for the device's life."""
-    key = (id(device), name)
-    if key not in _built:
-        _built[key] = device.build({name: assemble("", features, extra)})[name]
-    return _built[key]
+    built = _built.setdefault(device, {})
+    if name not in built:
+        built[name] = device.build({name: assemble("", features, extra)})[name]
+    return built[name]
 
 
 def numbers(seed: int, count: int) -> np.ndarray:

@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Fault:
-    """`find` in a file of cl/ becomes `put`; `workload` must show it. `options` are added to those of every build."""
+    """`find` in a file of cl/ becomes `put`; `workload` must show it. `options` are added to those of every build.
+    `wide` is the same fault where eight vertices are shaded at once: file, find, put."""
 
     name: str
     workload: str
@@ -31,6 +32,13 @@ class Fault:
     find: str = ""
     put: str = ""
     options: tuple[str, ...] = ()
+    wide: tuple[str, str, str] | None = None
+
+    @property
+    def places(self) -> list[tuple[str, str, str]]:
+        """(file, find, put) of everything that it changes."""
+        own = [(self.file, self.find, self.put)] if self.file else []
+        return [*own, self.wide] if self.wide else own
 
 
 FAULTS = (
@@ -40,14 +48,20 @@ FAULTS = (
     Fault("fast mathematics", "terrain", options=("-cl-fast-relaxed-math",)),
     Fault("random numbers skewed", "cornell", "wave/shade.cl",
           "const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));",
-          "const float8 both = 0.99f * sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));"),
+          "const float8 both = 0.99f * sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));",
+          wide=("base/sampler.cl", "return float8_of(as_int8(bits)) * 5.9604644775390625e-8f;",
+                "return float8_of(as_int8(bits)) * 5.9e-8f;")),
     Fault("light sampling without its weight against chance", "cornell", "wave/vertex.cl",
           "const float weight = light.delta || shadows_alone(settings) ? 1.0f : power_heuristic(pdf, bsdf.pdf);",
-          "const float weight = 1.0f;"),
-    Fault("survivors of Russian roulette not weighed", "cornell", "wave/vertex.cl",
-          "onward = onward * (1.0f / survival);", "onward = onward * 1.0f;"),
+          "const float weight = 1.0f;",
+          wide=("wave/wide_light.cl", "light.delta != 0u ? (float8)(1.0f) : shared;", "(float8)(1.0f);")),
+    Fault("survivors of Russian roulette not weighed", "cornell", "wave/roulette.cl",
+          "*carried = *carried * (1.0f / survival);", "*carried = *carried * 1.0f;",
+          wide=("wave/wide_shade.cl", "scale8(before, 1.0f / survival)", "before")),
     Fault("lamps picked as if all were alike", "lights", "light/pick.cl",
-          "*probability = lights[picked].position.w;", "*probability = 1.0f / (float)count;"),
+          "*probability = lights.table[picked].position.w;", "*probability = 1.0f / (float)lights.count;",
+          wide=("wave/wide_light.cl", "out.pdf = out.pdf * probability;",
+                "out.pdf = out.pdf * (1.0f / (float)lights.count);")),
     Fault("sun one per cent too strong", "terrain", "light/directional.cl", "out.radiance = xyz(l->radiance);",
           "out.radiance = xyz(l->radiance) * 1.01f;"),
     Fault("triangles tested loosely: rays pass the edge of the last lane", "terrain", "accel/watertight.cl",
@@ -62,6 +76,8 @@ FAULTS = (
     Fault("every numbered sample drawn twice", "spheres", "wave/primary.cl",
           "const uint sample = first_sample + group % samples_in_chunk;",
           "const uint sample = (first_sample + group % samples_in_chunk) & ~1u;"),
+    Fault("what lies behind a hit is visited too", "terrain", "accel/traverse.cl",
+          "while ((uint)(entry >> 32) > last) {", "while ((uint)(entry >> 32) > last && !last) {"),
 )  # fmt: skip
 
 
@@ -113,12 +129,13 @@ def fault_child(number: int, device: str | None) -> int:
     from raytide.kernels import source
 
     fault = FAULTS[number]
-    if fault.file:
-        read = source._read
-        text = read(fault.file)
-        assert text.count(fault.find) == 1, f"{fault.file}: found {text.count(fault.find)} times: the fault is stale"
-        changed = text.replace(fault.find, fault.put)
-        source._read = lambda name: changed if name == fault.file else read(name)  # type: ignore[assignment]
+    read = source._read
+    changed = {}
+    for file, find, put in fault.places:
+        text = read(file)
+        assert text.count(find) == 1, f"{file}: found {text.count(find)} times: the fault is stale"
+        changed[file] = text.replace(find, put)
+    source._read = lambda name: changed.get(name) or read(name)  # type: ignore[assignment]
     with open_device(device) as opened:
         if fault.options:
             from raytide.device.probe import load_probe

@@ -25,6 +25,8 @@ from raytide.bench.workloads import WORKLOADS, Workload  # noqa: E402
 from raytide.device import Device, open_device  # noqa: E402
 from raytide.image.statistics import normal_limit, sidak  # noqa: E402
 from raytide.render import Renderer  # noqa: E402
+from raytide.render.coherence import count_visits  # noqa: E402
+from raytide.scene import Scene  # noqa: E402
 
 
 def main() -> int:
@@ -58,13 +60,23 @@ def reference_of(workload: Workload, device: Device, means: Reference | None = N
             image = renderer.render(spp=SAME_SPP).rgb
             rays = validity.ray_counts(renderer)
             sha256 = renderer.scene_sha256
+            visits = visits_of(scene, workload, device)
             if means is not None:
-                return replace(means, image=image.astype(np.float32), scene_sha256=sha256, rays=rays)
+                return replace(means, image=image.astype(np.float32), scene_sha256=sha256, rays=rays, visits=visits)
             tiles, picture = validity.means_of_runs(renderer, 1 << 28, REFERENCE_RUNS)
     return Reference(
         image.astype(np.float32), tiles.mean(axis=0), tiles.var(axis=0, ddof=1).astype(np.float32),
-        picture.mean(axis=0), picture.var(axis=0, ddof=1), sha256, rays,
+        picture.mean(axis=0), picture.var(axis=0, ddof=1), sha256, rays, visits,
     )  # fmt: skip
+
+
+def visits_of(scene: Scene, workload: Workload, device: Device) -> dict[str, dict[str, dict[str, int]]]:
+    """By layout of the tree: what the fixed samples visit and meet."""
+    found = {}
+    for layout in ("single", "compact"):
+        with Renderer(scene, device, max_depth=workload.max_depth, traversal=layout, seed=SAME_SEED) as renderer:
+            found["compact" if renderer.features.compact else "wide"] = count_visits(renderer, SAME_SPP)
+    return found
 
 
 def moved(old: Reference, new: Reference) -> float:

@@ -15,7 +15,7 @@ import argparse
 import numpy as np
 
 import raytide as rt
-from raytide.render.error import FLOOR
+from raytide.render.tile_evidence import FLOOR
 
 SCENES = ("scenes/cornell/cornell.toml", "scenes/whitted/whitted.toml", "scenes/blob/blob.toml",
           "scenes/terrain/terrain.toml")  # fmt: skip

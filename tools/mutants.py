@@ -159,7 +159,7 @@ def run_tests(copy: Path, tests: list[str], cache: Path) -> tuple[str, str]:
         return "broken", f"no end within {LIMIT} s"
     if done.returncode == 0:
         return "alive", ""
-    failed = re.search(r"^FAILED (\S+?)(?: - |$)", done.stdout, re.MULTILINE)
+    failed = re.search(r"^FAILED (.+?)(?: - |$)", done.stdout, re.MULTILINE)
     if done.returncode != 1 or not failed:
         return "broken", (done.stdout + done.stderr).strip().splitlines()[-1]
     reasons = [line for line in done.stdout.splitlines() if line.startswith("E ")]

@@ -43,6 +43,7 @@ typedef struct {
 } Visits;
 #endif
 
+// Kernels fill it in this order.
 typedef struct {
     global const TreeNode *nodes;
     global const TreeLeaf *blocks;
@@ -54,9 +55,6 @@ typedef struct {
     uint triangle_count;
     uint shape_count;
     uint plane_count;
-#if HAS_TEXTURES
-    Textures textures;  // only of kernels that shade
-#endif
 #if HAS_INSTANCES
     global const Mesh *meshes;  // nodes and blocks of their trees come before the world's
     uint mesh_count;
@@ -66,6 +64,9 @@ typedef struct {
 #endif
 #if HAS_VISIBILITY
     uint ray_kind;  // HIDDEN_FROM_*: what the rays are traced for
+#endif
+#if HAS_TEXTURES
+    Textures textures;  // only of kernels that shade
 #endif
 #if HAS_COUNTERS
     Visits *visits;
@@ -100,59 +101,17 @@ typedef struct {
         const uint block_count, const uint triangle_count, const uint shape_count, const uint plane_count             \
         INSTANCE_ARGUMENTS KIND_ARGUMENT
 
-#define GEOMETRY_OF_ARGUMENTS                                                                                         \
-    geometry_of(nodes, blocks, triangles, vertices, normals, shapes, block_count, triangle_count, shape_count,        \
-                plane_count OF_INSTANCE_ARGUMENTS OF_KIND_ARGUMENT)
-
-static Geometry geometry_of(GEOMETRY_ARGUMENTS)
-{
-    Geometry g;
-    g.nodes = nodes;
-    g.blocks = blocks;
-    g.triangles = triangles;
-    g.vertices = vertices;
-    g.normals = normals;
-    g.shapes = shapes;
-    g.block_count = block_count;
-    g.triangle_count = triangle_count;
-    g.shape_count = shape_count;
-    g.plane_count = plane_count;
-#if HAS_INSTANCES
-    g.meshes = meshes;
-    g.mesh_count = mesh_count;
-    g.instance_first = instance_first;
-    g.root = root;
-    g.first_block = first_block;
-#endif
-#if HAS_VISIBILITY
-    g.ray_kind = ray_kind;
-#endif
-#if HAS_COUNTERS
-    g.visits = 0;
-#endif
-    return g;
-}
-
+#define GEOMETRY_MEMBERS                                                                                              \
+    nodes, blocks, triangles, vertices, normals, shapes, block_count, triangle_count, shape_count,                    \
+        plane_count OF_INSTANCE_ARGUMENTS OF_KIND_ARGUMENT
+#define GEOMETRY_OF_ARGUMENTS {GEOMETRY_MEMBERS}
 #if HAS_TEXTURES
-static Geometry geometry_with_textures(const Geometry g, global const Texture *table, global const TextureSlot *slots,
-                                       global const uint *texels, global const float2 *uvs,
-                                       global const float4 *colors, const uint face_colors)
-{
-    Geometry out = g;
-    out.textures.table = table;
-    out.textures.slots = slots;
-    out.textures.texels = texels;
-    out.textures.uvs = uvs;
-    out.textures.colors = colors;
-    out.textures.face_colors = face_colors;
-    return out;
-}
-
 #define GEOMETRY_AND_TEXTURES                                                                                         \
-    geometry_with_textures(GEOMETRY_OF_ARGUMENTS, texture_table, texture_slots, texels, uvs, colors, face_colors)
+    {GEOMETRY_MEMBERS, {texture_table, texture_slots, texels, uvs, colors, face_colors}}
 #else
 #define GEOMETRY_AND_TEXTURES GEOMETRY_OF_ARGUMENTS
 #endif
+
 // Where the world begins in the arrays of nodes and blocks.
 static uint world_root(const Geometry g)
 {

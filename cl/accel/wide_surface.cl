@@ -1,7 +1,8 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/wide.cl"
 #include "accel/geometry.cl"
-// Eight triangles' surfaces at once: in each lane what accel/triangle.cl, area.cl, surface.cl and spawn.cl do.
+// Eight triangles' surfaces at once: in each lane what accel/triangle.cl, area.cl, surface.cl and spawn.cl do, which
+// tests/device/test_wide_functions.py holds to the bit.
 
 #if DEVICE_CPU && HAS_TRIANGLES
 typedef struct {
@@ -59,7 +60,7 @@ static Vector8 triangle_point8(const Corners8 t, const float8 u, const float8 v)
                    fma8(u, e1.z, fma8(v, e2.z, t.a.z)));
 }
 
-// The surfaces at barycentric weights (u, v) of triangles `prim`.
+// surface_of_triangle: the surfaces at barycentric weights (u, v) of triangles `prim`.
 static Surface8 surfaces_of(const Geometry g, const uint8 prim, const float8 u, const float8 v)
 {
     const Rows8 triangle = triangle_rows(g, prim);

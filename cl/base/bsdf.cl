@@ -16,6 +16,18 @@ typedef struct {
     uint flags;
 } BsdfSample;
 
+// The direction wi, of which NAME_eval gives `value` and NAME_pdf `pdf`; a single direction: f |cos wi| pdf and its
+// probability.
+static BsdfSample bsdf_sample(const float3 wi, const float3 value, const float pdf, const uint flags)
+{
+    BsdfSample out;
+    out.wi = wi;
+    out.weight = value * (pdf > 0.0f ? 1.0f / pdf : 0.0f);
+    out.pdf = pdf;
+    out.flags = flags;
+    return out;
+}
+
 // NAME_eval and NAME_pdf of one pair of directions, which share most of their work.
 typedef struct {
     float3 value;

@@ -1,5 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/portable.cl"
+#include "base/words.cl"
+#include "base/words8.cl"
 
 // Sample numbers as pure functions of (seed, pixel, sample, set): order, device and resumption change nothing.
 //
@@ -18,15 +20,6 @@ typedef struct {
     uint seed;   // of this pixel
     uint index;  // sample number
 } Sampler;
-
-// A bijection of 32 bits without visible structure (Wellons 2018, "lowbias32").
-static uint mix_bits(const uint key)
-{
-    uint x = key;
-    x = (x ^ (x >> 16)) * 0x7feb352du;
-    x = (x ^ (x >> 15)) * 0x846ca68bu;
-    return x ^ (x >> 16);
-}
 
 // 24 bits: the largest value is 1 - 2^-24.
 static float unit_float(const uint bits)
@@ -96,74 +89,6 @@ static uint set_seed(const Sampler s, const uint set)
     return mix_bits(s.seed + set * 0x9e3779b9u);
 }
 
-static uint reverse_bits(const uint key)
-{
-    uint x = key;
-    x = (x << 16) | (x >> 16);
-    x = ((x & 0x00ff00ffu) << 8) | ((x >> 8) & 0x00ff00ffu);
-    x = ((x & 0x0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0fu);
-    x = ((x & 0x33333333u) << 2) | ((x >> 2) & 0x33333333u);
-    return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
-}
-
-// Nested uniform scramble of a reversed number: every bit changes by a hash of the bits below it (Laine and Karras
-// 2011, with Vegdahl's constants of 2021). The seed must be well mixed.
-static uint scramble(const uint key, const uint seed)
-{
-    uint x = key;
-    x ^= x * 0x3d20adeau;
-    x += seed;
-    x *= (seed >> 16) | 1u;
-    x ^= x * 0x05526c56u;
-    x ^= x * 0x53a22864u;
-    return x;
-}
-
-// Multiplication by w, or by w^2 = w + 1, of the 16 elements of GF(4) in a word (w^2 + w + 1 = 0).
-static uint times_w(const uint x)
-{
-    return ((x >> 1) & 0x55555555u) | ((x ^ (x << 1)) & 0xaaaaaaaau);
-}
-
-static uint times_w2(const uint x)
-{
-    return ((x ^ (x >> 1)) & 0x55555555u) | ((x << 1) & 0xaaaaaaaau);
-}
-
-// Pascal's triangle mod 2 within pairs of bits, and between the 16 pairs: together Sobol's second dimension.
-static uint pascal_pairs(const uint x)
-{
-    return x ^ ((x >> 1) & 0x55555555u);
-}
-
-static uint dimension_1(const uint index)
-{
-    uint x = pascal_pairs(index);
-    x ^= (x >> 2) & 0x33333333u;
-    x ^= (x >> 4) & 0x0f0f0f0fu;
-    x ^= (x >> 8) & 0x00ff00ffu;
-    return x ^ (x >> 16);
-}
-
-// Pascal's triangle times powers of w: factors w^(2^level) by Lucas' theorem.
-static uint dimension_2(const uint index)
-{
-    uint x = index;
-    x ^= times_w(x >> 2) & 0x33333333u;
-    x ^= times_w2(x >> 4) & 0x0f0f0f0fu;
-    x ^= times_w(x >> 8) & 0x00ff00ffu;
-    return x ^ times_w2(x >> 16);
-}
-
-static uint dimension_3(const uint index)
-{
-    uint x = index;
-    x ^= times_w2(x >> 2) & 0x33333333u;
-    x ^= times_w(x >> 4) & 0x0f0f0f0fu;
-    x ^= times_w2(x >> 8) & 0x00ff00ffu;
-    return pascal_pairs(x ^ times_w(x >> 16));
-}
-
 static float scrambled_unit(const uint point, const uint seed)
 {
     return unit_float(reverse_bits(scramble(point, mix_bits(seed))));
@@ -179,47 +104,22 @@ static float2 sample_owen_2d(const Sampler s, const uint set)
 {
     const uint seed = set_seed(s, set);
     const uint index = shuffled_index(s, seed);
-    return (float2)(scrambled_unit(index, seed + 1u), scrambled_unit(dimension_1(index), seed + 2u));
+    return (float2)(scrambled_unit(index, seed + 1u), scrambled_unit(dimension_one(index), seed + 2u));
 }
 
 static float4 sample_owen_4d(const Sampler s, const uint set)
 {
     const uint seed = set_seed(s, set);
     const uint index = shuffled_index(s, seed);
-    return (float4)(scrambled_unit(index, seed + 1u), scrambled_unit(dimension_1(index), seed + 2u),
-                    scrambled_unit(dimension_2(index), seed + 3u), scrambled_unit(dimension_3(index), seed + 4u));
+    return (float4)(scrambled_unit(index, seed + 1u), scrambled_unit(dimension_one(index), seed + 2u),
+                    scrambled_unit(dimension_two(index), seed + 3u), scrambled_unit(dimension_three(index), seed + 4u));
 }
 
 #if DEVICE_CPU
-// sample_owen_4d of two sets at once, one number a lane, for CPUs whose compiler does not join work-items. The four
-// dimensions are one form here: each stage multiplies by a number a + b w of GF(4) that differs by lane, and the
-// pairs' triangle, which commutes with the stages, comes last.
-static uint8 mix_bits8(const uint8 key)
+static float8 scrambled_unit8(const uint8 point, const uint8 seed)
 {
-    uint8 x = key;
-    x = (x ^ (x >> 16)) * 0x7feb352du;
-    x = (x ^ (x >> 15)) * 0x846ca68bu;
-    return x ^ (x >> 16);
-}
-
-static uint8 reverse_bits8(const uint8 key)
-{
-    uint8 x = key;
-    x = (x << 16) | (x >> 16);
-    x = ((x & 0x00ff00ffu) << 8) | ((x >> 8) & 0x00ff00ffu);
-    x = ((x & 0x0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0fu);
-    x = ((x & 0x33333333u) << 2) | ((x >> 2) & 0x33333333u);
-    return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
-}
-
-static uint8 scramble8(const uint8 key, const uint8 seed)
-{
-    uint8 x = key;
-    x ^= x * 0x3d20adeau;
-    x += seed;
-    x *= (seed >> 16) | 1u;
-    x ^= x * 0x05526c56u;
-    return x ^ (x * 0x53a22864u);
+    const uint8 bits = reverse_bits8(scramble8(point, mix_bits8(seed))) >> 8;
+    return float8_of(as_int8(bits)) * 5.9604644775390625e-8f;
 }
 
 // x (a + b w), a and b being all ones or zero.
@@ -229,6 +129,9 @@ static uint8 times_field8(const uint8 x, const uint8 a, const uint8 b)
     return (x & a) ^ (by_w & b);
 }
 
+// sample_owen_4d of two sets at once, one number a lane, for CPUs whose compiler does not join work-items. The four
+// dimensions are one form here: each stage multiplies by a number a + b w of GF(4) that differs by lane, and the
+// pairs' triangle, which commutes with the stages, comes last.
 static float8 sample_owen_pair(const Sampler s, const uint low_set, const uint high_set)
 {
     const uint o = 0xffffffffu;
@@ -244,9 +147,7 @@ static float8 sample_owen_pair(const Sampler s, const uint low_set, const uint h
     x ^= times_field8(x >> 8, no_w, has_w) & 0x00ff00ffu;
     x ^= times_field8(x >> 16, one_two, has_w);
     x ^= (x >> 1) & (no_w & 0x55555555u);
-    const uint8 own_seed = mix_bits8(seed + (uint8)(1u, 2u, 3u, 4u, 1u, 2u, 3u, 4u));
-    const uint8 bits = reverse_bits8(scramble8(x, own_seed)) >> 8;
-    return float8_of(as_int8(bits)) * 5.9604644775390625e-8f;
+    return scrambled_unit8(x, seed + (uint8)(1u, 2u, 3u, 4u, 1u, 2u, 3u, 4u));
 }
 #endif
 

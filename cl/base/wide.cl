@@ -4,8 +4,9 @@
 #include "base/math.cl"
 #include "base/rows8.cl"
 // Eight vectors side by side, one a lane, for CPUs whose compiler does not join work-items. Every function does in each
-// lane what the one of base/vector.cl, frame.cl, math.cl or warp.cl without the 8 in its name does, operation by
-// operation: whether something was shaded alone or among eight changes no bit. Change one, change the other.
+// lane what the one of base/vector.cl, frame.cl, math.cl, mis.cl or warp.cl without the 8 in its name does, operation by
+// operation: whether something was shaded alone or among eight changes no bit. tests/device/test_wide_functions.py holds
+// them together.
 
 #if DEVICE_CPU
 #define LANES 8u

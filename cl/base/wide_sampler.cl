@@ -2,7 +2,8 @@
 #include "base/portable.cl"
 #include "base/sampler.cl"
 #include "base/wide.cl"
-// Sample numbers of eight samplers at once: in each lane what sample_4d gives.
+// Sample numbers of eight samplers at once: in each lane what sampler_for and sample_4d of base/sampler.cl give, which
+// tests/device/test_wide_functions.py holds to the bit.
 
 #if DEVICE_CPU
 typedef struct {
@@ -41,43 +42,6 @@ static Sampler8 samplers_for(global const Settings *settings, const uint8 pixel,
 #endif
 
 #if HAS_SOBOL
-static uint8 times_w8(const uint8 x) { return ((x >> 1) & 0x55555555u) | ((x ^ (x << 1)) & 0xaaaaaaaau); }
-static uint8 times_w2_8(const uint8 x) { return ((x ^ (x >> 1)) & 0x55555555u) | ((x << 1) & 0xaaaaaaaau); }
-static uint8 pascal_pairs8(const uint8 x) { return x ^ ((x >> 1) & 0x55555555u); }
-
-static uint8 dimension_1_of8(const uint8 index)
-{
-    uint8 x = pascal_pairs8(index);
-    x ^= (x >> 2) & 0x33333333u;
-    x ^= (x >> 4) & 0x0f0f0f0fu;
-    x ^= (x >> 8) & 0x00ff00ffu;
-    return x ^ (x >> 16);
-}
-
-static uint8 dimension_2_of8(const uint8 index)
-{
-    uint8 x = index;
-    x ^= times_w8(x >> 2) & 0x33333333u;
-    x ^= times_w2_8(x >> 4) & 0x0f0f0f0fu;
-    x ^= times_w8(x >> 8) & 0x00ff00ffu;
-    return x ^ times_w2_8(x >> 16);
-}
-
-static uint8 dimension_3_of8(const uint8 index)
-{
-    uint8 x = index;
-    x ^= times_w2_8(x >> 2) & 0x33333333u;
-    x ^= times_w8(x >> 4) & 0x0f0f0f0fu;
-    x ^= times_w2_8(x >> 8) & 0x00ff00ffu;
-    return pascal_pairs8(x ^ times_w8(x >> 16));
-}
-
-static float8 scrambled_unit8(const uint8 point, const uint8 seed)
-{
-    const uint8 bits = reverse_bits8(scramble8(point, mix_bits8(seed))) >> 8;
-    return float8_of(as_int8(bits)) * 5.9604644775390625e-8f;
-}
-
 // Sets may differ by lane.
 static Rows8 sample_4d_of8(const Sampler8 s, const uint8 set)
 {
@@ -85,9 +49,9 @@ static Rows8 sample_4d_of8(const Sampler8 s, const uint8 set)
     const uint8 index = reverse_bits8(scramble8(s.reversed, seed));
     Rows8 out;
     out.x = scrambled_unit8(index, seed + 1u);
-    out.y = scrambled_unit8(dimension_1_of8(index), seed + 2u);
-    out.z = scrambled_unit8(dimension_2_of8(index), seed + 3u);
-    out.w = scrambled_unit8(dimension_3_of8(index), seed + 4u);
+    out.y = scrambled_unit8(dimension_one8(index), seed + 2u);
+    out.z = scrambled_unit8(dimension_two8(index), seed + 3u);
+    out.w = scrambled_unit8(dimension_three8(index), seed + 4u);
     return out;
 }
 #else

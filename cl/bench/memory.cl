@@ -71,6 +71,18 @@ kernel void gather(global const uint4 *rows, const uint mask, const uint reads, 
     out[item] = sum4(sum);
 }
 
+// Rows of 256 bytes, as nodes of trees are; `mask` + 1 rows, a power of two.
+kernel void gather_nodes(global const uint8 *rows, const uint mask, const uint reads, global uint *out)
+{
+    const uint item = (uint)get_global_id(0);
+    uint8 sum = (uint8)(0u);
+    for (uint k = 0u; k < reads; k++) {
+        global const uint8 *row = rows + 8u * (scattered(item * reads + k) & mask);
+        sum += ((row[0] + row[1]) + (row[2] + row[3])) + ((row[4] + row[5]) + (row[6] + row[7]));
+    }
+    out[item] = sum4(sum.lo + sum.hi);
+}
+
 // 64 items share 4 KiB of local memory and read all of it, each from a place of its own on.
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void local_read(global const uint4 *rows, const uint rounds, global uint *out)

@@ -20,7 +20,7 @@
 // Word of a node, in s3 of its box: 3 bits for each number of roots 2..8: how many of them go to the left child, 0 =
 // one root fewer is no worse.
 #define IS_GROUP (1u << 24)
-#define HAS_SHAPES (1u << 25)
+#define HOLDS_SHAPES (1u << 25)
 
 // Links of a node: x, y its first and last primitive, z, w the names of its children.
 
@@ -41,7 +41,7 @@ static Subtree subtree_of_primitive(const uint place, const float8 primitive, co
     tree.cost = (float8)(half_area(primitive, scale));
     tree.first = place;
     tree.last = place;
-    tree.word = as_uint(primitive.s3) >= triangles ? HAS_SHAPES : 0u;
+    tree.word = as_uint(primitive.s3) >= triangles ? HOLDS_SHAPES : 0u;
     tree.name = LEAF_NAME | place;
     return tree;
 }
@@ -69,7 +69,7 @@ static Subtree join(const Subtree left, const Subtree right, const uint gap, con
     tree.last = right.last;
     tree.name = gap;
     tree.box = merge(left.box, right.box);
-    tree.word = (left.word | right.word) & HAS_SHAPES;
+    tree.word = (left.word | right.word) & HOLDS_SHAPES;
     float8 shared = (float8)(left.cost.s0) + right.cost;
     uint8 to_left = (uint8)(1u);
     const float8 right_1 = shifted_1(right.cost);

@@ -10,10 +10,9 @@
 #include "dispatch/shape.cl"
 #include "accel/textured.cl"
 
-// One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too. Triangles:
-// direction.xyz = unit normal, extra.y = area.
-// Where textures are: bits of radiance.w = the slot of the radiance, or NONE.
-// direction.xyz = unit normal, extra.y = area. extra.z != 0: only camera and shadow rays can meet it.
+// One primitive of an emissive object: radiance.xyz leaves its front; extra.x != 0: its back, too. extra.y = area;
+// extra.z != 0: only camera and shadow rays can meet it. Triangles: direction.xyz = unit normal. Where textures are: bits
+// of radiance.w = the slot of the radiance, or NONE.
 
 #if HAS_TRIANGLES
 static float3 emitter_corner(const Geometry g, const uint vertex)

@@ -62,14 +62,10 @@ static BsdfSample glossy_sample(const Glossy m, const float3 wo, const float4 u)
     const int smooth = specular && m.roughness < GGX_MIRROR;
     const float3 facet = ggx_visible_normal(wo, (float2)(m.roughness), u.xy);
     const float3 bounced = smooth ? (float3)(-wo.x, -wo.y, wo.z) : reflect_about(wo, facet);
-    BsdfSample out;
-    out.wi = specular ? bounced : cosine_hemisphere(u.xy);
-    const GlossyLobes lobes = glossy_lobes(m, share, wo, out.wi);
-    out.pdf = smooth ? share : lobes.pdf;
+    const float3 wi = specular ? bounced : cosine_hemisphere(u.xy);
+    const GlossyLobes lobes = glossy_lobes(m, share, wo, wi);
     const float3 value = smooth ? schlick_reflectance(wo.z, m.specular_color) * m.specular : lobes.value;
-    out.weight = value * (out.pdf > 0.0f ? 1.0f / out.pdf : 0.0f);
-    out.flags = smooth ? BSDF_DELTA : 0u;
-    return out;
+    return bsdf_sample(wi, value, smooth ? share : lobes.pdf, smooth ? BSDF_DELTA : 0u);
 }
 
 static float3 glossy_albedo(const Glossy m)

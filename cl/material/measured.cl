@@ -226,12 +226,8 @@ static BsdfSample measured_sample(const Measured m, const float3 wo, const float
     sin_cos_turns(0.25f * at.x * at.x, &sine, &cosine);
     const float3 facet = measured_turned(signs, (float3)(sine * c, sine * s, cosine));
     const float3 bounced = renormalize3(reflect_about(wo, facet));
-    BsdfSample out;
-    out.wi = u.z < COSINE_SHARE ? cosine_hemisphere(u.xy) : bounced;
-    out.pdf = measured_pdf(m, wo, out.wi);
-    out.weight = measured_eval(m, wo, out.wi) * (out.pdf > 0.0f ? 1.0f / out.pdf : 0.0f);
-    out.flags = 0u;
-    return out;
+    const float3 wi = u.z < COSINE_SHARE ? cosine_hemisphere(u.xy) : bounced;
+    return bsdf_sample(wi, measured_eval(m, wo, wi), measured_pdf(m, wo, wi), 0u);
 }
 
 static float3 measured_albedo(const Measured m)

@@ -50,14 +50,10 @@ static BsdfSample plastic_sample(const Plastic m, const float3 wo, const float4 
     const float share = plastic_share(m, reflected);
     const int coat = u.z < share;
     const float3 base = cosine_hemisphere(u.xy);
-    BsdfSample out;
-    out.wi = coat ? (float3)(-wo.x, -wo.y, wo.z) : base;
-    const float pdf = plastic_pdf(m, wo, out.wi);
-    const float3 value = coat ? m.specular_reflectance * reflected : plastic_eval(m, wo, out.wi);
-    out.pdf = coat ? share : pdf;
-    out.weight = value * (out.pdf > 0.0f ? 1.0f / out.pdf : 0.0f);
-    out.flags = coat ? BSDF_DELTA : 0u;
-    return out;
+    const float3 wi = coat ? (float3)(-wo.x, -wo.y, wo.z) : base;
+    const float pdf = plastic_pdf(m, wo, wi);
+    const float3 value = coat ? m.specular_reflectance * reflected : plastic_eval(m, wo, wi);
+    return bsdf_sample(wi, value, coat ? share : pdf, coat ? BSDF_DELTA : 0u);
 }
 
 static float3 plastic_albedo(const Plastic m)

@@ -157,13 +157,10 @@ static BsdfSample principled_sample(const Principled m, const float3 wo, const f
     const int passes = !diffuse && !coat && chosen < through;
     const float3 bounced = passes ? refract_about(o, h, eta, cosine) : reflect_about(o, h);
     const float3 i = diffuse ? cosine_hemisphere(u.xy) : renormalize3(bounced);
-    BsdfSample out;
-    out.wi = turned_over(i, below);
-    out.pdf = principled_pdf(m, wo, out.wi);
-    out.pdf = passes ? (i.z < 0.0f ? out.pdf : 0.0f) : (i.z > 0.0f ? out.pdf : 0.0f);
-    out.weight = principled_eval(m, wo, out.wi) * (out.pdf > 0.0f ? 1.0f / out.pdf : 0.0f);
-    out.flags = passes ? BSDF_TRANSMIT : 0u;
-    return out;
+    const float3 wi = turned_over(i, below);
+    const int kept = passes ? i.z < 0.0f : i.z > 0.0f;
+    const float pdf = principled_pdf(m, wo, wi);
+    return bsdf_sample(wi, principled_eval(m, wo, wi), kept ? pdf : 0.0f, passes ? BSDF_TRANSMIT : 0u);
 }
 
 static float3 principled_albedo(const Principled m)

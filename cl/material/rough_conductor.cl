@@ -82,9 +82,8 @@ static BsdfSample rough_conductor_sample(const RoughConductor m, const float3 wo
     out.flags = smooth ? BSDF_DELTA : 0u;
 #if HAS_COMPENSATION
     if (!smooth && m.lost_mean > 1.0e-5f) {
-        out.wi = u.z < rough_conductor_share(m, wo.z) ? cosine_hemisphere(u.xy) : out.wi;
-        out.pdf = rough_conductor_pdf(m, wo, out.wi);
-        out.weight = rough_conductor_eval(m, wo, out.wi) * (out.pdf > 0.0f ? 1.0f / out.pdf : 0.0f);
+        const float3 either = u.z < rough_conductor_share(m, wo.z) ? cosine_hemisphere(u.xy) : out.wi;
+        return bsdf_sample(either, rough_conductor_eval(m, wo, either), rough_conductor_pdf(m, wo, either), 0u);
     }
 #endif
     return out;

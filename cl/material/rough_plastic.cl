@@ -55,12 +55,8 @@ static BsdfSample rough_plastic_sample(const RoughPlastic m, const float3 wo, co
     const float3 h = facets_visible_normal(rough_plastic_facets(m), wo, u.xy);
     const float3 coat = renormalize3(reflect_about(wo, h));
     const float3 base = cosine_hemisphere(u.xy);
-    BsdfSample out;
-    out.wi = u.z < share ? coat : base;
-    out.pdf = rough_plastic_pdf(m, wo, out.wi);
-    out.weight = rough_plastic_eval(m, wo, out.wi) * (out.pdf > 0.0f ? 1.0f / out.pdf : 0.0f);
-    out.flags = 0u;
-    return out;
+    const float3 wi = u.z < share ? coat : base;
+    return bsdf_sample(wi, rough_plastic_eval(m, wo, wi), rough_plastic_pdf(m, wo, wi), 0u);
 }
 
 static float3 rough_plastic_albedo(const RoughPlastic m)

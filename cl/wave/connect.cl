@@ -42,8 +42,7 @@ static ShadowRay sample_camera(global const Camera *camera, global const Setting
     *pixel = lens.seen ? pixel_at(settings, lens.at) : NONE;
     const float3 wi = normalize3(lens.to);
     const float3 wi_local = to_local(v->frame, wi);
-    const float same_side = dot3(wi, v->normal) * (v->wo.z < 0.0f ? -wi_local.z : wi_local.z);
-    if (*pixel == NONE || !(same_side > 0.0f)) {
+    if (*pixel == NONE || !(side_of(v, wi, wi_local.z) > 0.0f)) {
         return out;
     }
     const BsdfValue bsdf = material_value(material_of(v) TABLES(v->tables), v->wo, wi_local);
@@ -51,9 +50,7 @@ static ShadowRay sample_camera(global const Camera *camera, global const Setting
 #if HAS_ABSORPTION
     out.light = out.light * absorbed(materials, medium_ahead(v, wi_local.z), length3(lens.to));
 #endif
-    const float3 origin = spawn_origin(&v->surface, wi);
-    out.ray.origin = make4(origin, float_of(v->surface.prim));
-    out.ray.direction = make4(lens.to - (origin - v->surface.p), 1.0f);
+    out.ray = ray_from(v, wi, lens.to, 0);
     out.valid = out.light.x + out.light.y + out.light.z != 0.0f;  // NaN goes on: the splat counts it
     return out;
 }
@@ -71,17 +68,12 @@ static NextRay sample_further(global const Settings *settings, const PathVertex 
         return out;
     }
     float3 weight = bsdf.weight * adjoint(v, bsdf.wi, wi);
-    if (settings->roulette_start != 0u && edge >= settings->roulette_start) {
-        const float survival = max_of(min_of(largest3(weight), 1.0f), 9.5367432e-7f);  // 2^-20, as in sample_onward
-        if (!(u.w < survival)) {
-            return out;
-        }
-        weight = weight * (1.0f / survival);
+    if (gambles(settings, edge) && !survives(largest3(weight), u.w, &weight)) {
+        return out;
     }
     const float3 onward = xyz(v->state) * weight;
     out.state = make4(onward, bsdf.pdf);
-    out.ray.origin = make4(spawn_origin(&v->surface, wi), float_of(v->surface.prim));
-    out.ray.direction = make4(wi, T_MAX_FREE);
+    out.ray = ray_from(v, wi, wi, 1);
     out.medium = medium_ahead(v, bsdf.wi.z);
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;
     const float strongest = largest3(onward);
@@ -108,7 +100,7 @@ kernel void connect(GEOMETRY_ARGUMENTS, global const Object *objects, global con
     const uint slot = queue[i];
     Ray ray = rays[slot];
     const Hit hit = hits[slot];
-    uint4 path = paths[slot];
+    const uint4 path = paths[slot];
     const uint edge = path.y & PATH_EDGES;
     status[i] = 0u;
     if (!(ray.direction.w > 0.0f) || hit.prim == NONE || edge >= max_depth) {
@@ -135,11 +127,7 @@ kernel void connect(GEOMETRY_ARGUMENTS, global const Object *objects, global con
     if (edge + 1u < max_depth) {
         const NextRay onward = sample_further(settings, &vertex, edge, sample_4d(sampler, SET_BSDF(edge)));
         if (onward.valid) {
-            rays[slot] = onward.ray;
-            throughput[slot] = onward.state;
-            note_scattering(slot, onward.ray SCATTERINGS);
-            path.y = (edge + 1u) | (onward.delta ? PATH_DELTA : 0u) | (onward.medium << PATH_MEDIUM_SHIFT);
-            paths[slot] = path;
+            go_on(&onward, slot, path, rays, throughput, paths SCATTERINGS);
             next |= STATUS_ALIVE;
         }
     }

@@ -5,6 +5,7 @@
 #include "accel/geometry.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
+#include "wave/tile.cl"
 
 // Fills `count` free slots with light that leaves the lights (integrator photon), one path for each pixel and sample of
 // the chunk, cut as `primary` does: its numbers are those of that pixel and sample, but where it goes has nothing to do
@@ -26,15 +27,14 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
     const uint group = item / TILE;
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
-    const uint column = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
-    const uint row = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
-    const uint pixel = pixel_name(settings, settings->first_x + column, settings->first_y + row);
+    const uint2 at = tile_pixel(settings, tile, lane);
+    const uint pixel = pixel_name(settings, settings->first_x + at.x, settings->first_y + at.y);
     Ray ray;
     ray.origin = (float4)(0.0f);
     ray.direction = (float4)(0.0f, 0.0f, 1.0f, MISS_AT_ONCE);
     float4 state = (float4)(0.0f);
 #if HAS_LIGHTS && HAS_PHOTON
-    if (settings->light_count != 0u && column < settings->width && row < settings->height) {
+    if (settings->light_count != 0u && at.x < settings->width && at.y < settings->height) {
         const Sampler sampler = sampler_for(settings, pixel, sample);
         const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
         const LightPlace anywhere = light_place(xyz(*around), 0u);

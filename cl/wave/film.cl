@@ -6,6 +6,7 @@
 #include "wave/path.cl"
 #include "wave/span.cl"
 #include "wave/splats.cl"
+#include "wave/tile.cl"
 // Adds the samples of a chunk to its pixels, each pixel by one item and in the order of sample numbers, as two-float
 // sums: no atomics, and the same bits whatever the wave size. Non-finite and negative samples are left out and counted.
 // Sample numbers FILM_BLOCK k and on to FILM_BLOCK (k + 1) are summed by themselves and then added to the total: whoever
@@ -95,8 +96,9 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
     const uint lane = i % TILE;
     const uint local_tile = i / TILE;
     const uint tile = first_tile + local_tile;
-    const uint x = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
-    const uint y = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
+    const uint2 at = tile_pixel(settings, tile, lane);
+    const uint x = at.x;
+    const uint y = at.y;
     if (local_tile >= tiles || x >= settings->width || y >= settings->height) {
         return;
     }
@@ -109,7 +111,7 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
 #if HAS_ADAPTIVE
     const uint4 span = spans[local_tile];
     const uint2 range = range_of(ranges[tile], x, y);
-    const uint first = span.x;
+    const uint first = range.x + span.x;
     const uint group = span.y;
     const uint groups = span.z;
 #else
@@ -124,8 +126,8 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
 #endif
     for (uint s = 0; s < groups; s++) {
 #if HAS_ADAPTIVE
-        if (!is_in_range(range, first + s)) {
-            continue;
+        if (first + s >= range.y) {
+            break;
         }
 #endif
         const float4 sample = samples[(group + s) * TILE + lane];

@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
-// Surfaces that a path passes as if they were not there. Included by wave/shade.cl.
+// How paths go on: from a vertex, through surfaces that they pass as if these were not there, and inside bodies.
+// Included by wave/shade.cl and wave/connect.cl.
 #include "base/vector.cl"
 #include "base/sampler.cl"
 #include "accel/geometry.cl"
@@ -42,6 +43,18 @@ static void note_scattering(const uint slot, const Ray onward SCATTERINGS_ARGUME
 #if HAS_OPACITY
     scatterings[slot] = make4(xyz(onward.origin), scatterings[slot].w);
 #endif
+}
+
+// Puts the next ray into the path's slot.
+static void go_on(const NextRay *onward, const uint slot, const uint4 path, global Ray *rays, global float4 *throughput,
+                  global uint4 *paths SCATTERINGS_ARGUMENT)
+{
+    const uint edges = (path.y & PATH_EDGES) + 1u;
+    const uint words = edges | (onward->delta ? PATH_DELTA : 0u) | (onward->medium << PATH_MEDIUM_SHIFT);
+    rays[slot] = onward->ray;
+    throughput[slot] = onward->state;
+    note_scattering(slot, onward->ray SCATTERINGS);
+    paths[slot] = (uint4)(path.x, words, path.z, path.w);
 }
 
 // Whether the path scatters in a body before it meets a surface: then it is alive from there, or it ends. Adds no edge;

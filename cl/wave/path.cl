@@ -1,6 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
-// State of a path between waves, one slot each: throughput (xyz) with the pdf of its last direction (w), and
-// Path words: x = index in `samples`, y = edges so far | medium << PATH_MEDIUM_SHIFT | PATH_DELTA, z = pixel_name, w = sample number.
+// State of a path between waves, one slot each: throughput (xyz) with the pdf of its last direction (w), and path words:
+// x = index in `samples`, y = edges so far | medium << PATH_MEDIUM_SHIFT | PATH_DELTA, z = pixel_name, w = sample number.
 
 #define PATH_DELTA 0x80000000u  // the last direction came from a single-direction lobe: no light sampling competes
 #define PATH_EDGES 0xffffu

@@ -7,6 +7,7 @@
 #include "base/camera.cl"
 #include "wave/path.cl"
 #include "wave/span.cl"
+#include "wave/tile.cl"
 
 // Fills `count` free slots with camera rays. 64 neighbouring items are one 8x8 tile at one sample, so that rays next
 // to each other in the queue stay next to each other on the image. Race rule: every item owns its slot and its sample.
@@ -27,22 +28,21 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint group = item / TILE;
 #if HAS_ADAPTIVE
     const uint tile = first_tile + group_tiles[group];
-    const uint4 span = spans[group_tiles[group]];
-    const uint sample = span.x + group - span.y;
 #else
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
 #endif
-    const uint column = (tile % settings->tiles_x) * TILE_SIDE + lane % TILE_SIDE;
-    const uint row = (tile / settings->tiles_x) * TILE_SIDE + lane / TILE_SIDE;
+    const uint2 at = tile_pixel(settings, tile, lane);
 #if HAS_ADAPTIVE
-    const int wanted = is_in_range(range_of(ranges[tile], column, row), sample);
-    const int inside = wanted && column < settings->width && row < settings->height;
+    const uint4 span = spans[group_tiles[group]];
+    const uint2 range = range_of(ranges[tile], at.x, at.y);
+    const uint sample = range.x + span.x + group - span.y;
+    const int inside = sample < range.y && at.x < settings->width && at.y < settings->height;
 #else
-    const int inside = column < settings->width && row < settings->height;
+    const int inside = at.x < settings->width && at.y < settings->height;
 #endif
-    const uint x = settings->first_x + column;  // of the whole picture, so that a window changes no sample
-    const uint y = settings->first_y + row;
+    const uint x = settings->first_x + at.x;  // of the whole picture, so that a window changes no sample
+    const uint y = settings->first_y + at.y;
     const uint pixel = pixel_name(settings, x, y);
     const Sampler sampler = sampler_for(settings, pixel, sample);
     const float4 u = sample_4d(sampler, SET_CAMERA);

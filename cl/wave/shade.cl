@@ -19,17 +19,6 @@
 #include "wave/nested.cl"
 #include "wave/wide_shade.cl"
 
-// Puts the next ray into the path's slot.
-static void go_on(const Shading *s, const NextRay *onward, const uint slot, const uint4 path SCATTERINGS_ARGUMENT)
-{
-    const uint edges = (path.y & PATH_EDGES) + 1u;
-    s->rays[slot] = onward->ray;
-    s->throughput[slot] = onward->state;
-    note_scattering(slot, onward->ray SCATTERINGS);
-    s->paths[slot] = (uint4)(path.x, edges | (onward->delta ? PATH_DELTA : 0u) |
-                             (onward->medium << PATH_MEDIUM_SHIFT), path.z, path.w);
-}
-
 // Adds what a ray sees that met nothing.
 static void shade_miss(const Shading *s, const Ray ray, const uint slot, const uint4 path,
                        const float4 state LEFT_NORMALS_ARGUMENT)
@@ -108,7 +97,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     if (onward.valid) {
         check_ray(s->faults, xyz(onward.state), onward.ray, FAULT_ONWARD, edge, s->samples + path.x);
         note_media(&vertex, &onward, slot MEDIA);
-        go_on(s, &onward, slot, path SCATTERINGS);
+        go_on(&onward, slot, path, s->rays, s->throughput, s->paths SCATTERINGS);
         next |= STATUS_ALIVE;
     }
     s->status[i] = next | (edge << STATUS_EDGES_SHIFT);
@@ -130,8 +119,8 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     }
     const Geometry g = GEOMETRY_AND_TEXTURES;
     const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
-    const Shading s = shading_of(g, objects, materials, lights, settings, queue, count, rays, hits, throughput, paths,
-                                 status, shadow_rays, shadow_light, samples, faults);
+    const Shading s = {g, objects, materials, lights, settings, queue, count, rays, hits, throughput, paths, status,
+                       shadow_rays, shadow_light, samples, faults};
     const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
     for (uint i = begin; i < end; i += GROUP_SLOTS) {
         for (uint rest = shade_group(&s, i, end LEFT_NORMALS); rest != 0u; rest &= rest - 1u) {

@@ -6,6 +6,7 @@
 #include "wave/path.cl"
 #include "wave/vertex.cl"
 
+// In the order in which the kernel fills it.
 typedef struct {
     Geometry g;
     global const Object *objects;
@@ -24,32 +25,6 @@ typedef struct {
     global float4 *samples;
     global uint *faults;
 } Shading;
-
-static Shading shading_of(const Geometry g, global const Object *objects, global const Material *materials,
-                          const Lights lights, global const Settings *settings, global const uint *queue,
-                          const uint count, global Ray *rays, global const Hit *hits, global float4 *throughput,
-                          global uint4 *paths, global uint *status, global Ray *shadow_rays,
-                          global float4 *shadow_light, global float4 *samples, global uint *faults)
-{
-    Shading s;
-    s.g = g;
-    s.objects = objects;
-    s.materials = materials;
-    s.lights = lights;
-    s.settings = settings;
-    s.queue = queue;
-    s.count = count;
-    s.rays = rays;
-    s.hits = hits;
-    s.throughput = throughput;
-    s.paths = paths;
-    s.status = status;
-    s.shadow_rays = shadow_rays;
-    s.shadow_light = shadow_light;
-    s.samples = samples;
-    s.faults = faults;
-    return s;
-}
 
 // Whether a shadow ray is traced for sampled light; where shadows are off it arrives at once, in sample `place`.
 static int asks(const Shading *s, const ShadowRay direct, const uint place, const uint edge)

@@ -16,6 +16,7 @@
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
+#include "wave/roulette.cl"
 #include "wave/walk.cl"
 
 typedef struct {
@@ -251,7 +252,24 @@ static LightPlace light_place_of(const PathVertex *v, const uint slot LEFT_NORMA
     return LIGHT_PLACE_AT(v->surface.p, slot);
 }
 
-// Shadow ray to one light, picked by power or by the tree. The target is exact in the ray: origin plus direction is the light's point.
+// Above 0 where wi, whose cosine in the shading frame is wi_z, is on the one side that both normals call lit.
+static float side_of(const PathVertex *v, const float3 wi, const float wi_z)
+{
+    return dot3(wi, v->normal) * (v->wo.z < 0.0f ? -wi_z : wi_z);
+}
+
+// Ray that leaves the vertex along unit wi: without an end, or to the point `to` from it, which is exact in the ray:
+// origin plus direction.
+static Ray ray_from(const PathVertex *v, const float3 wi, const float3 to, const int infinite)
+{
+    const float3 origin = spawn_origin(&v->surface, wi);
+    Ray out;
+    out.origin = make4(origin, float_of(v->surface.prim));
+    out.direction = infinite ? make4(wi, T_MAX_FREE) : make4(to - (origin - v->surface.p), 1.0f);
+    return out;
+}
+
+// Shadow ray to one light, picked by power or by the tree.
 static ShadowRay sample_direct(const Lights lights, global const Settings *settings, const Geometry g,
                                global const Material *materials, const PathVertex *v, const float4 u,
                                const uint slot LEFT_NORMALS_ARGUMENT)
@@ -269,7 +287,7 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
     const float3 wi = normalize3(light.to);
     const float3 wi_local = to_local(v->frame, wi);
     const float pdf = light.pdf * pick_pdf;
-    const float same_side = dot3(wi, v->normal) * (v->wo.z < 0.0f ? -wi_local.z : wi_local.z);
+    const float same_side = side_of(v, wi, wi_local.z);
     if (!(pdf > 0.0f) || !(same_side > 0.0f)) {
         out.valid = pdf != pdf || (pdf > 0.0f && same_side != same_side);
         out.ray = no_way();
@@ -291,9 +309,7 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
     const float distance = light.infinite ? 1.0e30f : sqrt_of(dot3(light.to, light.to));
     out.light = out.light * absorbed(materials, medium_ahead(v, wi_local.z), distance);
 #endif
-    const float3 origin = spawn_origin(&v->surface, wi);
-    out.ray.origin = make4(origin, float_of(v->surface.prim));
-    out.ray.direction = light.infinite ? make4(wi, T_MAX_FREE) : make4(light.to - (origin - v->surface.p), 1.0f);
+    out.ray = ray_from(v, wi, light.to, light.infinite);
     out.valid = out.light.x + out.light.y + out.light.z != 0.0f;  // NaN goes on: the film counts it
 #endif
     return out;
@@ -336,21 +352,14 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
 #else
     float3 onward = xyz(v->state) * bsdf.weight;
 #endif
-    const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
+    const float strongest = largest3(onward);
 #if !HAS_LOCAL
-    if (settings->roulette_start != 0u && edge >= settings->roulette_start) {
-        // A share that never reached 1 would let weights grow without bound where albedos exceed its root. 2^-20: u has
-        // 24 bits.
-        const float survival = max_of(min_of(strongest, 1.0f), 9.5367432e-7f);
-        if (!(u.w < survival)) {
-            return out;
-        }
-        onward = onward * (1.0f / survival);
+    if (gambles(settings, edge) && !survives(strongest, u.w, &onward)) {
+        return out;
     }
 #endif
     out.state = make4(onward, bsdf.pdf);
-    out.ray.origin = make4(spawn_origin(&v->surface, wi), float_of(v->surface.prim));
-    out.ray.direction = make4(wi, T_MAX_FREE);
+    out.ray = ray_from(v, wi, wi, 1);
     out.valid = strongest > 0.0f || strongest != strongest;
     return out;
 }

@@ -7,6 +7,7 @@
 #include "base/vector.cl"
 #include "base/frame.cl"
 #include "wave/path.cl"
+#include "wave/roulette.cl"
 
 // Set of sample dimensions of each scattering between two surfaces; beyond all others.
 #define SET_WALK(edge, scattered) (0x40000000u + ((edge) << 12) + (scattered))
@@ -77,7 +78,7 @@ static Flight flight_of(global const Material *m, global const Settings *setting
     const float3 gained = out.scattered ? xyz(m->p7) * density : density;
     const float all = dot3(share, density);
     float3 onward = carried * gained * (1.0f / max_of(all, 1.0e-37f));
-    const float strongest = max_of(onward.x, max_of(onward.y, onward.z));
+    const float strongest = largest3(onward);
     out.ended = out.scattered && (before >= MOST_SCATTERINGS || !(strongest > 0.0f));
     out.state = make4(onward, state.w);
     out.ray = ray;
@@ -89,9 +90,7 @@ static Flight flight_of(global const Material *m, global const Settings *setting
         const float low = first ? 0.0f : (second ? share.x : share.x + share.y);
         const float width = first ? share.x : (second ? share.y : share.z);
         const float rest = (u.y - low) / max_of(width, 1.0e-7f);
-        const float survival = max_of(min_of(4.0f * strongest, 1.0f), 9.5367432e-7f);
-        out.ended = !(rest < survival);
-        onward = onward * (1.0f / survival);
+        out.ended = !survives(4.0f * strongest, rest, &onward);
     }
     const float3 way = renormalize3(xyz(ray.direction));
     out.state = make4(onward, -(float)(before + 1u));

@@ -31,6 +31,7 @@ static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 
     return out;
 }
 #else
+// pick_light, by the alias table.
 static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 u, const uint8 slot,
                            float8 *probability)
 {
@@ -92,6 +93,7 @@ static LightSamples8 further_lights(global const Light *table, const Geometry g,
     return out;
 }
 
+// What sample_direct asks of lights: one for each vertex, and a point of it.
 static LightSamples8 sampled_lights(const Lights lights, const Geometry g, const Vertices8 *v, const Rows8 u,
                                     const uint8 slot LEFT_NORMALS_ARGUMENT)
 {

@@ -43,7 +43,7 @@ static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const ui
     const float8 strongest = max8(before.x, max8(before.y, before.z));
     const uint start = s->settings->roulette_start;
     const int8 gambles = start != 0u ? edge >= start : (int8)(0);
-    const float8 survival = max8(min8(strongest, (float8)(1.0f)), (float8)(9.5367432e-7f));
+    const float8 survival = max8(min8(strongest, (float8)(1.0f)), (float8)(LEAST_SURVIVAL));
     const Vector8 after = choose8(gambles, scale8(before, 1.0f / survival), before);
     const uint alive = v->lanes & movemask8((bsdf.pdf > 0.0f) & passes & (~gambles | (u.w < survival)) &
                                             ((strongest > 0.0f) | (strongest != strongest)));

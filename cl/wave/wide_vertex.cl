@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
-// Eight vertices of paths at once, for CPUs: in each lane what wave/vertex.cl does, operation by operation. Lanes that
-// need what few scenes have are left to it. Materials but diffuse ones, and lights but triangles, are asked one by one.
+// Eight vertices of paths at once, for CPUs: in each lane what wave/vertex.cl does, operation by operation, which
+// tests/image/test_wide_shading.py holds to the bit. Lanes that need what few scenes have are left to it. Materials but
+// diffuse ones, and lights but triangles, are asked one by one.
 #include "base/wide.cl"
 #include "base/wide_sampler.cl"
 #include "accel/geometry.cl"
@@ -46,7 +47,7 @@ typedef struct {
 
 static void set_bits(uint8 *v, const uint k, const uint value) { ((uint *)v)[k] = value; }
 
-// Lanes of materials that light passes keep the front side, as in vertex_of; those of `lanes` that shine are left out.
+// vertex_of: lanes of materials that light passes keep the front side; those of `lanes` that shine are left out.
 static Vertices8 vertices_of(const Geometry g, global const Object *objects, global const Material *materials,
                              const uint8 prim, const Rows8 hit, const Vector8 direction, const Vector8 state,
                              const uint lanes)
@@ -116,7 +117,7 @@ static Rows8 further_values(global const Material *materials, const uint8 materi
     return out;
 }
 
-// Values (xyz) and densities (w) of the materials.
+// material_value: values (xyz) and densities (w).
 static Rows8 values_of(global const Material *materials, const Vertices8 *v, const Vector8 wi, const uint lanes)
 {
 #if HAS_DIFFUSE
@@ -130,6 +131,7 @@ static Rows8 values_of(global const Material *materials, const Vertices8 *v, con
     return others == 0u ? known : further_values(materials, v->material, v->wo, wi, known, others);
 }
 
+// material_sample for lanes of any kind, put among those that are there.
 static BsdfSamples8 further_samples(global const Material *materials, const uint8 material, const Vector8 wo,
                                     const Rows8 u, const BsdfSamples8 known, const uint lanes)
 {
@@ -147,6 +149,7 @@ static BsdfSamples8 further_samples(global const Material *materials, const uint
     return out;
 }
 
+// material_sample; diffuse_sample in the lanes that are diffuse.
 static BsdfSamples8 samples_of(global const Material *materials, const Vertices8 *v, const Rows8 u)
 {
     BsdfSamples8 known;

@@ -29,6 +29,7 @@ def viewers(case: Case, angles: tuple[float, ...]) -> list[np.ndarray]:
     return before + [w * np.float32([1, 1, -1]) for w in before] if case.transmits else before
 
 
+@pytest.mark.one_driver  # of formulas; how drivers compute them, the other laws tell on each
 @pytest.mark.parametrize("case", LOBES)
 def test_samples_follow_their_density_and_weigh_value_over_density(device, case):
     """Chi-square over boxes that follow the lobes; the share of samples that have a density is its integral."""

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from bench_cases import RESULTS, parts, workload
 from raytide.bench import record, runner, validity
 from raytide.bench.compare import compare, share_of
 from raytide.bench.model import Result, json_schema
@@ -27,18 +28,11 @@ from raytide.cli.bench import beside, exit_code
 from raytide.cli.main import main
 from raytide.errors import UsageError
 
-RESULTS = sorted((Path(__file__).resolve().parents[2] / "results").glob("*.bench.json"))
 
-
-def workload(name: str, rate: float = 1e6, status: str = "ok") -> dict[str, Any]:
-    summary = {"metric": "rays", "unit": "1/s", "higher_is_better": True, "median": rate, "mad": 0.0, "min": rate,
-               "max": rate, "n": 5, "ci95": [rate, rate], "cv": 0.0, "unstable": False, "drifting": False}  # fmt: skip
-    return {"id": name, "status": status, "reason": None if status == "ok" else "why", "summary": summary}
-
-
-def parts(**other: str) -> dict[str, dict[str, Any]]:
-    """Findings of suite renders; keywords give the status of workloads that are not ok."""
-    return {f"renders/{name}": workload(name, status=other.get(name, "ok")) for name in WORKLOADS}
+@pytest.fixture(autouse=True)
+def as_shipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests may run on edited files."""
+    monkeypatch.setattr(runner, "edited_reasons", list)
 
 
 def result(**other: str) -> dict[str, Any]:

@@ -18,7 +18,7 @@ RANKS = (
     {"wave", "build", "probe", "bench"},
 )
 RANK = {folder: rank for rank, folders in enumerate(RANKS) for folder in folders}
-GENERATED = {"dispatch/shape.cl", "dispatch/material.cl", "dispatch/light.cl", "dispatch/texture.cl"}
+GENERATED = {"dispatch/shape.cl", "dispatch/material.cl", "dispatch/light.cl", "dispatch/texture.cl", "base/words8.cl"}
 PORTABLE = "base/portable.cl"
 VENDORS = "nvidia amd intel pocl apple cuda mali adreno qualcomm rocm clover mesa rusticl oclgrind".split()
 MOST_LINES, MOST_FUNCTION_LINES, MOST_KERNEL_LINES = 400, 60, 80

@@ -12,12 +12,15 @@ import pytest
 from raytide.kernels import NONE, RECORDS, Features, assemble
 from raytide.kernels.features import kind_number, kinds
 from raytide.kernels.records import Member, Record
+from raytide.kernels.widen import of_eight
+from raytide.render.schedule import AOV, WAVES
 
 FEATURES = Features(
     materials=(("diffuse", (("reflectance", 3),)), ("rough_conductor", (("eta", 3), ("k", 3), ("roughness", 1)))),
     shapes=("sphere",),
     lights=("point",),
 )
+ENTRIES = tuple(wave.entry for wave in (*WAVES, AOV))
 
 
 @pytest.mark.parametrize("record", RECORDS.values(), ids=lambda record: record.name)
@@ -38,12 +41,12 @@ def test_documented_sizes_of_tree_and_trace_records() -> None:
     assert sizes == {"Ray": 32, "Hit": 16, "Node": 256, "Block": 320, "Shape": 128}
 
 
-def test_every_switch_is_defined_as_0_or_1() -> None:
-    text = assemble("", FEATURES, "kernel void k() {}").text
-    for name, on in FEATURES.switches().items():
-        assert f"#define HAS_{name.upper()} {int(on)}\n" in text
-    used = set(re.findall(r"\bHAS_[A-Z_0-9]+", assemble("wave/shade.cl", FEATURES).text))
-    assert used <= {f"HAS_{name.upper()}" for name in FEATURES.switches()}
+def test_a_program_defines_the_switches_that_it_mentions_as_0_or_1() -> None:
+    values = {f"HAS_{name.upper()}": str(int(on)) for name, on in FEATURES.switches().items()}
+    for entry in ENTRIES:
+        text = assemble(entry, FEATURES).text
+        defined = dict(re.findall(r"^#define (HAS_\w+) (\d)$", text, re.MULTILINE))
+        assert defined == {name: values[name] for name in re.findall(r"\bHAS_\w+", text)}
 
 
 def test_source_has_only_the_files_a_scene_needs() -> None:
@@ -53,13 +56,20 @@ def test_source_has_only_the_files_a_scene_needs() -> None:
     assert len(files) == len(set(files))
 
 
-def test_every_switch_changes_the_source() -> None:
-    flipped = [
-        assemble("wave/shade.cl", replace(FEATURES, **{field.name: not getattr(FEATURES, field.name)})).sha256
-        for field in fields(Features)
-        if field.type == "bool"
-    ]
-    assert assemble("wave/shade.cl", FEATURES).sha256 not in flipped and len(set(flipped)) == len(flipped)
+def sources(features: Features) -> tuple[str, ...]:
+    return tuple(assemble(entry, features).sha256 for entry in ENTRIES)
+
+
+def test_every_switch_changes_a_source_in_its_own_way() -> None:
+    switches = [field.name for field in fields(Features) if field.type == "bool"]
+    flipped = [sources(replace(FEATURES, **{name: not getattr(FEATURES, name)})) for name in switches]
+    assert len({sources(FEATURES), *flipped}) == len(switches) + 1
+
+
+def test_a_material_changes_no_program_that_looks_at_none() -> None:
+    without = replace(FEATURES, materials=())
+    changed = {entry for entry in ENTRIES if assemble(entry, FEATURES) != assemble(entry, without)}
+    assert changed == {f"wave/{name}.cl" for name in ("shade", "connect", "aov")}
 
 
 def test_line_marks_name_every_file() -> None:
@@ -78,6 +88,19 @@ def test_missing_file_and_include_cycle_are_errors(tmp_path: Path, monkeypatch: 
         assemble("a.cl", FEATURES)
 
 
+def test_functions_of_eight_words_are_those_of_one_word_by_word() -> None:
+    text = """
+static uint twice(const uint x)
+{
+    return x + x;
+}
+static uint four_times(const uint x) { return twice(twice(x)); }
+"""
+    wide = of_eight(text)
+    assert "static uint8 four_times8(const uint8 x) { return twice8(twice8(x)); }" in wide
+    assert not re.search(r"\b(uint|twice|four_times)\b", wide)
+
+
 def test_kind_numbers_are_places_in_the_folder_listing() -> None:
     for group in ("material", "shape", "light"):
         assert [kind_number(group, kind) for kind in kinds(group)] == list(range(len(kinds(group))))
@@ -86,7 +109,7 @@ def test_kind_numbers_are_places_in_the_folder_listing() -> None:
 
 
 def test_parameters_are_loaded_in_packing_order() -> None:
-    text = assemble("", FEATURES, "kernel void k() {}").text
+    text = assemble("", FEATURES, '#include "dispatch/material.cl"').text
     assert "out.k = (float3)(m->p0.s3, m->p1.s0, m->p1.s1);" in text
     assert "out.roughness = m->p1.s2;" in text
 

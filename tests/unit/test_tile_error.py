@@ -1,17 +1,24 @@
-"""The error of tiles: bands hold what they say for Gaussian noise of known slope, and follow the tile."""
+"""The error of tiles: bands hold what they say for Gaussian noise of known slope, on even ground and on a texture that
+hides the noise from the neighbours, and follow the tile."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from raytide.render.tile_error import TILE, tile_errors
+from raytide.render.tile_error import tile_errors
+from raytide.render.tile_evidence import TILE
 
 SIZE = (64, 64, 3)
 
 
+def ground(textured: bool) -> np.ndarray:
+    """What the picture shows: 1, or 1 and -1 in no order, so that radiance^2 is 1 everywhere."""
+    return np.random.default_rng(9).choice([-1.0, 1.0], SIZE) if textured else np.ones(SIZE)
+
+
 def drawn(rng: np.random.Generator, slope: float, spp: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A picture of mean 1 whose pixels vary like spp^-slope, and Q at the last two powers of four, as the film keeps
+    """The noise of a picture whose pixels vary like spp^-slope, and Q at the last two powers of four, as the film keeps
     them: two squared differences each."""
     variance = lambda n: 0.2 * n ** -slope  # noqa: E731
     at = 4 ** ((spp.bit_length() - 1) // 2)
@@ -19,41 +26,52 @@ def drawn(rng: np.random.Generator, slope: float, spp: int) -> tuple[np.ndarray,
     for n in (at, at // 4):
         parts = ((n, n / 2), (n / 2, n / 4))
         q.append(sum(4 * (variance(low) - variance(high)) * rng.standard_normal(SIZE) ** 2 for high, low in parts))
-    return 1 + np.sqrt(variance(spp)) * rng.standard_normal(SIZE), q[0], q[1]
+    return np.sqrt(variance(spp)) * rng.standard_normal(SIZE), q[0], q[1]
 
 
-@pytest.mark.parametrize("slope", [1.0, 1.3])
+@pytest.mark.parametrize("textured", [False, True])
+@pytest.mark.parametrize("slope", [1.0, 1.3, 2.0])
 @pytest.mark.parametrize("spp", [16, 40, 64])
-def test_bands_hold_the_error_of_their_tile(slope: float, spp: int) -> None:
-    rng, held, ratios = np.random.default_rng((spp, int(10 * slope))), [], []
+def test_bands_hold_the_error_of_their_tile(slope: float, spp: int, textured: bool) -> None:
+    rng, held, ratios, widths, y = np.random.default_rng((spp, int(10 * slope))), [], [], [], ground(textured)
     for _ in range(8):
-        picture, now, before = drawn(rng, slope, spp)
-        found = tile_errors(picture, now, before, spp)
+        noise, now, before = drawn(rng, slope, spp)
+        found = tile_errors(y + noise, now, before, spp)
         assert found is not None and found.relmse.shape == (8, 8)
-        real = ((picture - 1) ** 2).mean(axis=2).reshape(8, TILE, 8, TILE).mean(axis=(1, 3))
+        real = (noise**2).mean(axis=2).reshape(8, TILE, 8, TILE).mean(axis=(1, 3))
         held.append(np.mean((found.low <= real) & (real <= found.high)))
         ratios.append(found.relmse.mean() / real.mean())
+        widths.append(np.median(found.high / found.low))
+    at = 4 ** ((spp.bit_length() - 1) // 2)  # a texture hides how steep the slope is
+    cautious = (4**slope - 1) / 3 * (spp / at) ** (slope - 1) if textured else 1.0
     assert np.mean(held) > 0.93
-    assert 0.8 < np.mean(ratios) < (1.2 if slope == 1.0 else 2.0)  # cautious where the slope goes on
+    assert 0.75 < np.mean(ratios) < 1.35 * cautious
+    assert np.mean(widths) < 12 * cautious
 
 
 def test_a_tile_is_judged_by_its_own_pixels() -> None:
-    picture, now, before = drawn(np.random.default_rng(1), 1.0, 64)
-    plain = tile_errors(picture, now, before, 64)
+    noise, now, before = drawn(np.random.default_rng(1), 1.0, 64)
+    plain = tile_errors(ground(True) + noise, now, before, 64)
     now[8:16, 16:24] *= 25
     before[8:16, 16:24] *= 25
-    found = tile_errors(picture, now, before, 64)
+    found = tile_errors(ground(True) + noise, now, before, 64)
     assert plain and found
     grown = found.relmse / plain.relmse
     assert grown[1, 2] == pytest.approx(25.0) and np.delete(grown.ravel(), 10) == pytest.approx(1.0)
 
 
+def test_even_ground_shows_the_noise_itself_whatever_the_halves_say() -> None:
+    noise, now, before = drawn(np.random.default_rng(3), 1.0, 64)
+    found = tile_errors(1 + noise, 9 * now, 9 * before, 64)
+    assert found and found.relmse.mean() == pytest.approx((noise**2).mean(), rel=0.1)
+
+
 def test_few_pixels_that_rule_a_tile_make_its_band_wide() -> None:
-    picture, now, before = drawn(np.random.default_rng(2), 1.0, 64)
+    noise, now, before = drawn(np.random.default_rng(2), 1.0, 64)
     for q in (now, before):
         q[:8, :8] *= 1e-6
         q[3, 4] = 64 * 0.01
-    found = tile_errors(picture, now, before, 64)
+    found = tile_errors(ground(True) + noise, now, before, 64)
     assert found
     width = found.high / found.low
     assert width[0, 0] > 5 * np.median(width)

@@ -34,10 +34,13 @@ def work(job: dict[str, Any], answers: IO[str]) -> None:
         answers.flush()
 
     from raytide.bench.record import device_record
-    from raytide.device import open_device
+    from raytide.device import open_device, open_renamed
 
     try:
-        device = open_device(job["device"], threads=job.get("threads"))
+        if job.get("scramble") is None:
+            device = open_device(job["device"], threads=job.get("threads"))
+        else:
+            device = open_renamed(job["device"], str(job["scramble"]), threads=job.get("threads"))
         with device:
             send("device", record=device_record(device))
             for part in job["parts"]:

@@ -11,15 +11,15 @@ import numpy as np
 
 from raytide.bench.show import aligned, figure, measurements
 from raytide.errors import UsageError
+from raytide.report.summary import ratio_of_medians
 
-_RESAMPLES = 2000
 # What is looked at where environments are compared, in this order.
 _LOOKED_AT = (
     ("tool", ("version", "git_commit", "git_dirty", "suite_sha256", "kernels_sha256")),
     ("device", ("id", "name", "platform_version", "driver", "device_version", "compute_units", "options",
                 "driver_files")),
-    ("host", ("cpu_model", "cpu_logical", "cpu_allowed", "mem_bytes", "governor", "kernel", "python", "numpy",
-              "pyopencl")),
+    ("host", ("cpu_model", "cpu_logical", "cpu_allowed", "smt", "mem_bytes", "governor", "turbo", "kernel", "python",
+              "numpy", "pyopencl")),
 )  # fmt: skip
 
 
@@ -108,23 +108,19 @@ def why_not(old: dict[str, Any] | None, new: dict[str, Any], force: bool) -> str
 
 def row_of(part: str, name: str, old: dict[str, Any], new: dict[str, Any]) -> Row:
     """A ratio of medians with its bootstrap interval, from the raw values."""
-    a, b = (values_of(one) for one in (old, new))
-    rng = np.random.Generator(np.random.PCG64(20261122))
-    picks = [x[rng.integers(0, len(x), (_RESAMPLES, len(x)))] for x in (a, b)]
-    old_medians, new_medians = (np.median(x, axis=1) for x in picks)
-    low, high = np.percentile(old_medians / new_medians, (2.5, 97.5))
+    _, low, high = ratio_of_medians(rates_of(old), rates_of(new))
     summary = new["summary"]
     return Row(part, name, old["summary"]["median"], summary["median"], summary["unit"],
-               summary["median"] / old["summary"]["median"], float(low), float(high))  # fmt: skip
+               summary["median"] / old["summary"]["median"], low, high)  # fmt: skip
 
 
-def values_of(one: dict[str, Any]) -> np.ndarray:
-    """Seconds of one unit of work, of each value."""
+def rates_of(one: dict[str, Any]) -> np.ndarray:
+    """The rate of each value."""
     summary = one["summary"]
-    if "values" in summary:  # rates
-        return 1.0 / np.array(summary["values"])
+    if "values" in summary:
+        return np.array(summary["values"])
     seconds = np.array(one["timing"]["values_s"] if "timing" in one else one["values_s"], np.float64)
-    return seconds / (summary["median"] * float(np.median(seconds)))
+    return summary["median"] * float(np.median(seconds)) / seconds
 
 
 def differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[tuple[str, str, str]]:

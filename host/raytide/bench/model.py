@@ -36,7 +36,8 @@ class Summary(Open):
     n: int = Field(ge=1)
     ci95: tuple[float, float] = Field(description="bootstrap interval of the median")
     cv: float = Field(description="coefficient of variation")
-    unstable: bool = Field(description="cv of 0.1 or more")
+    median_cv: float | None = Field(None, description="coefficient of variation of the median, by bootstrap")
+    unstable: bool = Field(description="cv of 0.1 or more, or median_cv above 0.03")
     drifting: bool = Field(description="the last third is more than 3 % off the first")
 
 
@@ -115,6 +116,7 @@ class Builds(Part):
 class Rays(Part):
     scenes: dict[str, Any] = {}
     scaling: dict[str, Any] = {}
+    ray_scaling: dict[str, Any] = {}
     brute_force: dict[str, Any] = {}
 
 
@@ -156,12 +158,15 @@ class Workload(Part):
     summary: Summary | None = None
     kernels: list[Kernel] = []
     ledger: dict[str, Any] | None = None
+    soak: dict[str, Any] | None = Field(None, description="--soak: a long run, its last third against its first")
+    scramble: dict[str, Any] | None = Field(None, description="--scramble: rates in disguise over plain ones")
+    pictures: dict[str, Any] = Field({}, description="for people: PNG files in base64")
 
 
 class Score(Open):
     """Geometric mean over the workloads; null where any of them was not valid."""
 
-    name: str = Field(description="Score or Quick score")
+    name: str = Field(description="Score or Quick score; of the open class: Open score or Open quick score")
     value: float | None
     reference_table: str
     method: str

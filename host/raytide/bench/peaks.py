@@ -22,6 +22,13 @@ _NUMBERS = {  # the word, the dtype, and how far a lane of an item may be off
     "fp16": ("half", np.float16, 0.2),
 }
 _EXTENSION = {"fp64": "cl_khr_fp64", "fp16": "cl_khr_fp16"}
+_HEADLINE = (  # how a row's name begins, and under which key the best of these stands in the file
+    ("fp32", "fp32_flop_per_s"), ("fp64", "fp64_flop_per_s"), ("fp16", "fp16_flop_per_s"), ("read", "read_byte_per_s"),
+    ("write", "write_byte_per_s"), ("copy", "copy_byte_per_s"), ("gather_nodes", "gather_nodes_byte_per_s"),
+    ("gather_near", "gather_near_byte_per_s"), ("gather", "gather_byte_per_s"), ("local", "local_byte_per_s"),
+    ("h2d", "h2d_byte_per_s"), ("d2h", "d2h_byte_per_s"),
+)  # fmt: skip
+_NEAR = 2 << 20  # bytes
 Say = Callable[[str], None]
 
 
@@ -62,6 +69,8 @@ def rows_of(device: Device, plan: Plan) -> list[tuple[str, str, Callable[[], Wor
         ("write", "bytes written", memory.write),
         ("copy", "bytes read and written", memory.copy),
         ("gather", "bytes of 16-byte rows at random places", memory.gather),
+        ("gather_nodes", "bytes of 256-byte rows at random places", lambda: memory.gather_nodes(memory.nbytes)),
+        ("gather_near", "the same from 2 MB, which caches hold", lambda: memory.gather_nodes(_NEAR)),
         ("local", "bytes read of local memory", memory.local),
         ("h2d", "bytes copied from host to device", memory.to_device),
         ("d2h", "bytes copied from device to host", memory.to_host),
@@ -122,10 +131,6 @@ def launches_for(device: Device, work: Work, seconds: float) -> int:
 def headline(rows: list[dict[str, Any]]) -> dict[str, float]:
     """The best of each kind, under the names of the result file."""
     best: dict[str, float] = {}
-    names = {"fp32": "fp32_flop_per_s", "fp64": "fp64_flop_per_s", "fp16": "fp16_flop_per_s",
-             "read": "read_byte_per_s", "writ": "write_byte_per_s", "copy": "copy_byte_per_s",
-             "gath": "gather_byte_per_s", "loca": "local_byte_per_s", "h2d": "h2d_byte_per_s",
-             "d2h": "d2h_byte_per_s"}  # fmt: skip
     for row in rows:
         if row["status"] != "ok":
             continue
@@ -135,7 +140,7 @@ def headline(rows: list[dict[str, Any]]) -> dict[str, float]:
         elif row["name"].startswith("atomic"):
             best[f"{row['name']}_per_s"] = median
         else:
-            key = names[row["name"][:4]]
+            key = next(key for start, key in _HEADLINE if row["name"].startswith(start))
             best[key] = max(best.get(key, 0.0), median)
     return best
 
@@ -192,7 +197,9 @@ class Memory:
 
     def __init__(self, device: Device, plan: Plan) -> None:
         self.device = device
-        limit = min(plan.buffer_bytes, device.info.max_alloc_bytes // 2, device.info.global_mem_bytes // 8)
+        info = device.info
+        wanted = max(plan.buffer_bytes, plan.buffer_caches * info.cache_bytes)  # caches must not hold it
+        limit = min(wanted, info.max_alloc_bytes // 2, info.global_mem_bytes // 8)
         self.nbytes = 1 << (int(limit).bit_length() - 1)
         self.count = self.nbytes // 16
         self.items = max(1 << 14, device.info.compute_units << 11 if device.kind == "gpu" else 1 << 12)
@@ -265,6 +272,22 @@ class Memory:
 
         arguments = (self.rows, np.uint32(self.count - 1), np.uint32(reads), self.out)
         return Work(16 * total, "byte/s", self._launcher("gather", *arguments), check)
+
+    def gather_nodes(self, nbytes: int) -> Work:
+        """From the first `nbytes` of the buffer, a power of two."""
+        self._prepare()
+        reads, rows = 32, min(nbytes, self.nbytes) // 256
+        total = self.items * reads
+        places = scattered(np.arange(total, dtype=np.uint32)) & np.uint32(rows - 1)
+        sums = self.words[: 64 * rows].reshape(-1, 64).sum(axis=1, dtype=np.uint64)
+        wanted = int(sums[places].sum()) % (1 << 32)
+
+        def check() -> None:
+            if (came := self._sum()) != wanted:
+                raise WrongResult(f"the sum of gathered rows came out as {came}; wanted {wanted}")
+
+        arguments = (self.rows, np.uint32(rows - 1), np.uint32(reads), self.out)
+        return Work(256 * total, "byte/s", self._launcher("gather_nodes", *arguments), check)
 
     def local(self) -> Work:
         self._prepare()

@@ -18,24 +18,26 @@ PARTS = ("peaks", "build", "rays", "renders")
 
 @dataclass(frozen=True)
 class Plan:
-    """`values` of `value_s` seconds each, up to `most_values` while they are unsteady. Sizes of pictures, meshes and
-    buffers follow."""
+    """`values` of `value_s` seconds each, up to `most_values` while they are unsteady and `repeat_s` is not over. Sizes
+    of pictures, meshes and buffers follow."""
 
     name: str
     values: int
     most_values: int
     value_s: float
+    repeat_s: float
     warmup_s: float
     size: tuple[int, int]  # pixels of a timed picture
     triangles: tuple[int, ...]  # of the meshes that trees are built of
-    buffer_bytes: int
+    buffer_bytes: int  # at least, and this many times the device's caches
+    buffer_caches: int
     ledger: bool  # whether kernels with everything in them are built too, to compare with
     ray_pixels: int
     ray_limit_s: float
 
 
-FULL = Plan("full", 7, 14, 0.5, 2.0, (480, 288), (10_000, 100_000, 1_000_000), 256 << 20, True, 1024, 150.0)
-QUICK = Plan("quick", 5, 8, 0.25, 0.5, (320, 192), (10_000, 100_000), 128 << 20, False, 256, 25.0)
+FULL = Plan("full", 7, 28, 0.5, 10.0, 2.0, (480, 288), (10_000, 100_000, 1_000_000), 256 << 20, 4, True, 1024, 150.0)
+QUICK = Plan("quick", 6, 24, 0.25, 2.5, 0.5, (320, 192), (10_000, 100_000), 128 << 20, 4, False, 256, 25.0)
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class Values:
 
 def repeat(work: Callable[[], float], plan: Plan) -> Values:
     """Times `work`, which ends when all is done and gives its device seconds. First it warms up: until two values in
-    a row agree within 3 % and the plan's time is over, ten times at most."""
+    a row agree within 3 % and the plan's time is over, ten times at most. Then values: the plan's number, and more
+    while they spread by more than 3 %."""
     warmup: list[float] = []
     while len(warmup) < 10 and not warm(warmup, plan.warmup_s):
         warmup.append(timed(work)[0])
@@ -58,12 +61,19 @@ def repeat(work: Callable[[], float], plan: Plan) -> Values:
     events: list[float] = []
     offsets: list[float] = []
     begun = time.perf_counter()
-    while len(values) < plan.values or (len(values) < plan.most_values and not summarise(values).cv <= STEADY_CV):
+    while not enough(values, time.perf_counter() - begun, plan):
         offsets.append(time.perf_counter() - begun)
         seconds, event = timed(work)
         values.append(seconds)
         events.append(event)
     return Values(values, offsets, warmup, events)
+
+
+def enough(values: list[float], seconds: float, plan: Plan) -> bool:
+    """Whether there are the plan's values, and more would not help or would take too long."""
+    if len(values) < plan.values:
+        return False
+    return len(values) >= plan.most_values or seconds > plan.repeat_s or summarise(values).cv <= STEADY_CV
 
 
 def warm(seconds: list[float], least_s: float) -> bool:

@@ -73,7 +73,8 @@ def host_record() -> dict[str, Any]:
         "os": platform.system(), "kernel": platform.release(), "architecture": platform.machine(),
         "container": Path("/.dockerenv").exists() or Path("/run/.containerenv").exists(),
         "virtualised": "hypervisor" in facts.get("flags", ""), "cpu_model": facts.get("model name", ""),
-        "cpu_logical": os.cpu_count(), "cpu_allowed": _allowed(), "mem_bytes": _memory(), "governor": _governor(),
+        "cpu_logical": os.cpu_count(), "cpu_allowed": _allowed(), "smt": _word("smt/active"), "mem_bytes": _memory(),
+        "governor": _word("cpu0/cpufreq/scaling_governor"), "turbo": _word("cpufreq/boost"),
         "load_avg_1m_start": load(), "python": platform.python_version(), "numpy": metadata.version("numpy"),
         "pyopencl": metadata.version("pyopencl"), "locale_tz": f"{locale.getlocale()[0]} {time.strftime('%Z')}",
     }  # fmt: skip
@@ -98,9 +99,10 @@ def _memory() -> int | None:
         return None
 
 
-def _governor() -> str | None:
+def _word(name: str) -> str | None:
+    """What Linux says of its processors, where it does."""
     try:
-        return Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor").read_text(encoding="utf-8").strip()
+        return (Path("/sys/devices/system/cpu") / name).read_text(encoding="utf-8").strip()
     except OSError:
         return None
 
@@ -132,7 +134,7 @@ def class_reasons(options: tuple[str, ...], settings: dict[str, Any]) -> list[st
     for key, what in (("threads", "--threads"), ("scramble", "--scramble"), ("only", "--workload")):
         if settings.get(key) is not None and settings.get(key) != []:
             reasons.append(what)
-    return reasons
+    return reasons + (["--traversal"] if settings.get("traversal", "single") != "single" else [])
 
 
 def _build_option_variables() -> list[str]:

@@ -28,7 +28,8 @@ class Reference:
 
     `image` (h, w, 3) float32: fixed samples. `tiles` (h/4, w/4, 3): means over REFERENCE_RUNS runs of RUN_SPP samples,
     `tiles_variance` of one such run; `picture` and `picture_variance` (3,) the same of the whole picture. `rays` of the
-    fixed samples by kind.
+    fixed samples by kind. `visits` of the same by layout of the tree ("wide", "compact") and by kind of wave:
+    nodes, leaves, hits.
     """
 
     image: np.ndarray
@@ -38,11 +39,12 @@ class Reference:
     picture_variance: np.ndarray
     scene_sha256: str
     rays: dict[str, int]
+    visits: dict[str, dict[str, dict[str, int]]]
 
     @property
     def sha256(self) -> str:
         """Of all that devices are held against."""
-        sha = hashlib.sha256(json.dumps([self.scene_sha256, self.rays], sort_keys=True).encode())
+        sha = hashlib.sha256(json.dumps([self.scene_sha256, self.rays, self.visits], sort_keys=True).encode())
         for array in (self.image, self.tiles, self.tiles_variance, self.picture, self.picture_variance):
             sha.update(np.ascontiguousarray(array).tobytes())
         return sha.hexdigest()
@@ -64,7 +66,8 @@ def load_references() -> dict[str, Reference]:
 
 def save_references(found: dict[str, Reference]) -> None:
     """Replace the file."""
-    facts = {"workloads": {name: {"scene_sha256": one.scene_sha256, "rays": one.rays} for name, one in found.items()}}
+    facts = {"workloads": {name: {"scene_sha256": one.scene_sha256, "rays": one.rays, "visits": one.visits}
+                           for name, one in found.items()}}  # fmt: skip
     arrays = {f"{name}/{part}": getattr(one, part) for name, one in found.items() for part in ARRAYS}
     text = np.frombuffer(json.dumps(facts, sort_keys=True).encode(), np.uint8)
     np.savez_compressed(FILE, facts=text, **arrays)

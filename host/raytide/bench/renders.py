@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 
 from raytide.bench.ledger import ledger
+from raytide.bench.pictures import pictures_of
 from raytide.bench.plan import Plan, repeat, summary_of
 from raytide.bench.references import Reference, load_references
 from raytide.bench.roofline import kernels_of
+from raytide.bench.scramble import against_plain
+from raytide.bench.soak import soak
 from raytide.bench.validity import Validity, verify
 from raytide.bench.workloads import WORKLOADS, Workload
 from raytide.device import Device
@@ -41,13 +44,20 @@ def measure_render(
         validity, cold = verified(device, scene, workload, reference, scramble is not None)
         out |= {"validity": validity.as_dict(), "cold": cold}
         say(f"{name}: timing")
-        out |= timed(device, scene, workload, reference, plan, validity, soak_s)
+        out |= timed(device, scene, workload, reference, plan, validity, soak_s, say)
+        if scramble is not None:
+            say(f"{name}: against the same undisguised")
+            spp = out["timing"]["work_per_value"]["spp"]
+            out["scramble"] = found = against_plain(device, scene, workload, plan, spp, SEED)
+            if not found["same"]:
+                validity.reasons.append(f"in disguise its rate is {found['ratio']:.3f} of the plain one's (3 % may be)")
         if plan.ledger:
             say(f"{name}: what leaving out saves")
             out["ledger"] = ledger(device, scene, workload, plan)
     out["status"] = "ok" if validity.passed else "invalid"
     out["reason"] = "; ".join(validity.reasons) or None
     out["validity"] = validity.as_dict()
+    out["pictures"] = pictures_of(validity.image, reference)
     return out
 
 
@@ -88,7 +98,7 @@ def verified(
 
 def timed(
     device: Device, scene: Scene, workload: Workload, reference: Reference, plan: Plan, validity: Validity,
-    soak_s: float,
+    soak_s: float, say: Say,
 ) -> dict[str, Any]:
     """Equal pictures, again and again, without verification between them."""
     device.reset_peak()
@@ -118,27 +128,34 @@ def timed(
             "summary": summary,
             "tuning": {"traversal": dict(renderer.waves.traced_by if renderer.waves else {}),
                        "wave_paths": renderer.plan.capacity, "samples_in_flight": renderer.plan.samples},
-            "scene": {"triangles": len(renderer.packed.geometry.triangles), "bvh_nodes": renderer.forest.stats.nodes,
-                      "bvh_build_s": renderer.forest.stats.build_s, "upload_s": renderer.times["upload"],
-                      "device_mem_peak_bytes": device.peak_bytes},
+            "scene": scene_facts(renderer, device),
         }  # fmt: skip
         if soak_s:
-            out["soak"] = soak(once, rays, soak_s)
+            out["soak"] = soak(once, rays, soak_s, lambda text: say(f"{workload.id}: soaking, {text}"))
         out["kernels"] = kernels_of(renderer, waves)
     return out
 
 
+def scene_facts(renderer: Renderer, device: Device) -> dict[str, Any]:
+    """What lies in the device's memory."""
+    tree = renderer.forest.stats
+    return {"triangles": len(renderer.packed.geometry.triangles), "bvh_nodes": tree.nodes, "bvh_bytes": tree.bytes,
+            "bvh_build_s": tree.build_s, "upload_s": renderer.times["upload"],
+            "device_mem_peak_bytes": device.peak_bytes}  # fmt: skip
+
+
 def samples_for(renderer: Renderer, seconds: float) -> int:
-    """Samples a pixel of a value: doubled until a third of `seconds` is filled, then in proportion."""
+    """Samples a pixel of a value that takes `seconds` or a little more."""
     spp = 1
     while True:
         renderer.restart(SEED)
         renderer.render(spp=spp)
         assert renderer.frame is not None
-        spent = renderer.frame.seconds
-        if spent >= seconds / 3 or spp >= MOST_SPP:
-            return max(1, min(MOST_SPP, round(spp * seconds / max(spent, 1e-9))))
-        spp *= 2
+        spent = max(renderer.frame.seconds, 1e-9)
+        if spent >= seconds or spp >= MOST_SPP:
+            return spp
+        growth = 2.0 if spent < seconds / 3 else 1.1 * seconds / spent
+        spp = min(MOST_SPP, max(spp + 1, round(spp * growth)))
 
 
 def check_timed(film: Any, reference: Reference, validity: Validity) -> None:
@@ -166,19 +183,3 @@ def error_after(renderer: Renderer, seconds: float) -> dict[str, float | None]:
     error = renderer.render(time=seconds).error
     names = ("noise_1s_relmse", "noise_1s_low", "noise_1s_high")
     return dict(zip(names, (error.relmse, error.low, error.high) if error else (None, None, None), strict=True))
-
-
-def soak(once: Callable[[], float], rays: int, seconds: float) -> dict[str, Any]:
-    """The same work for a long time: the rate of the last third against that of the first."""
-    import time
-
-    begun, values, offsets = time.perf_counter(), [], []
-    while time.perf_counter() - begun < seconds:
-        offsets.append(time.perf_counter() - begun)
-        once()
-        values.append(time.perf_counter() - begun - offsets[-1])
-    third = max(1, len(values) // 3)
-    steady = summary_of(rays, values[-third:], "rays")
-    first = rays / float(np.median(values[:third]))
-    return {"seconds": seconds, "values_s": values, "t_offset_s": offsets, "steady": steady,
-            "steady_over_first": steady["median"] / first}  # fmt: skip

@@ -72,22 +72,23 @@ def modelled(rays: int, visits: tuple[float, float] | None, compact: bool) -> di
 def add_limiters(workload: dict[str, Any], peaks: dict[str, Any], cache_bytes: int) -> None:
     """Shares of the peaks for every modelled kernel, and which one limits it.
 
-    Memory limits only what does not fit the device's caches as the driver tells of them; where no share is above 0.25,
-    it is latency or divergence that keeps the device waiting.
+    Reads are at random places in rows as large as nodes: of a table that caches hold, where the tree fits the caches
+    that the driver tells of, else of a large one. Neighbours' bandwidth limits only what does not fit. Where no share
+    is above 0.25, it is latency or divergence that keeps the device waiting.
     """
-    nodes = workload.get("scene", {}).get("bvh_nodes", 0)
-    outside = cache_bytes <= 0 or nodes * RECORDS["Node"].size > cache_bytes
+    tree = workload.get("scene", {}).get("bvh_bytes", 0)
+    outside = cache_bytes <= 0 or tree > cache_bytes
+    gathered = "gather_nodes_byte_per_s" if outside else "gather_near_byte_per_s"
     for one in workload.get("kernels", []):
         if "bytes_modelled" not in one or not one["event_s"]:
             continue
         moved, done = one["bytes_modelled"] / one["event_s"], one["flop_modelled"] / one["event_s"]
-        shares = {name: amount / peaks[key] for name, amount, key in (
-            ("flop", done, "fp32_flop_per_s"), ("bandwidth", moved, "read_byte_per_s"),
-            ("gather", moved, "gather_byte_per_s")) if peaks.get(key)}  # fmt: skip
+        rows = [("flop", done, "fp32_flop_per_s"), ("gather", moved, gathered)]
+        rows += [("bandwidth", moved, "read_byte_per_s")] if outside else []
+        shares = {name: amount / peaks[key] for name, amount, key in rows if peaks.get(key)}
         if "launch_s" in peaks:
             shares["launch"] = one["launches"] * peaks["launch_s"] / one["event_s"]
         one["frac_of_peak"] = shares
-        able = {name: share for name, share in shares.items() if outside or name in ("flop", "launch")}
         one["in_cache"] = not outside
-        top = max(able, key=able.__getitem__, default=None)
-        one["limiter"] = top if top and able[top] >= IDLE else "latency or divergence"
+        top = max(shares, key=shares.__getitem__, default=None)
+        one["limiter"] = top if top and shares[top] >= IDLE else "latency or divergence"

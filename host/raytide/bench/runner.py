@@ -24,6 +24,7 @@ from raytide.bench.model import SCHEMA
 from raytide.bench.plan import PARTS
 from raytide.bench.roofline import add_limiters
 from raytide.bench.score import score_of
+from raytide.bench.shipped import edited_reasons
 from raytide.bench.workloads import WORKLOADS
 from raytide.device.worker import child_command
 
@@ -179,9 +180,9 @@ def result_of(
     peaks = found.parts.get("peaks")
     for one in workloads if peaks and device else []:
         add_limiters(one, peaks or {}, (device or {}).get("cache_bytes", 0))
-    settings = {"threads": job.threads, "scramble": job.scramble, "only": list(job.only)}
-    reasons = record.class_reasons(tuple((device or {}).get("options", ())), settings)
-    scored = workloads and job.scramble is None
+    settings = {"threads": job.threads, "scramble": job.scramble, "only": list(job.only), "traversal": job.traversal}
+    reasons = record.class_reasons(tuple((device or {}).get("options", ())), settings) + edited_reasons()
+    scored = workloads and job.scramble is None and not job.soak_s
     result: dict[str, Any] = {
         "schema": SCHEMA, "run_id": str(uuid.uuid4()), "created_utc": created, "duration_s": seconds,
         "suite": job.suite, "plan": {"name": job.plan, **vars(PLANS[job.plan])},
@@ -189,7 +190,7 @@ def result_of(
         "command": record.command_record(list(words)), "tool": record.tool_record(), "host": host,
         "device_id": device["id"] if device else job.device, "device": device, "env": record.environment_record(),
         **{part: found.parts[part] for part in ("peaks", "build", "rays") if part in found.parts},
-        "workloads": workloads, "score": score_of(workloads, job.plan) if scored else None,
+        "workloads": workloads, "score": score_of(workloads, job.plan, not reasons) if scored else None,
         "problems": found.problems,
     }  # fmt: skip
     return sealed(result)

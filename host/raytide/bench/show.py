@@ -42,7 +42,8 @@ def tables(result: dict[str, Any]) -> str:
             parts.append(table(result[part]))
     if result.get("workloads"):
         parts.append(workloads_table(result["workloads"], result.get("score")))
-        parts += [text for text in (kernels_table(result["workloads"]), ledger_table(result["workloads"])) if text]
+        extras = (kernels_table, ledger_table, soak_table, scramble_table)
+        parts += [text for make in extras if (text := make(result["workloads"]))]
     parts.append(verdict(result))
     return "\n\n".join(parts)
 
@@ -119,6 +120,12 @@ def rays_tables(rays: dict[str, Any]) -> str:
     parts += [f"{name}: {fit['ns_a_doubling']:+.1f} ns a doubling; grows like N^{fit['exponent']:.2f}"
               for name, fit in scaling["fits"].items()]  # fmt: skip
     parts += [f"{one['triangles']} triangles left out: {one['reason']}" for one in scaling["skipped"]]
+    many = rays.get("ray_scaling") or {}
+    if many.get("rows"):
+        parts.append(aligned(["RAYS A LAUNCH", "PRIMARY NS/RAY", "DIFFUSE NS/RAY", "BRUTE FORCE NS/RAY"], [
+            [str(row["rays"]), f"{row['primt_ns']:.1f}", f"{row['difft_ns']:.1f}",
+             "-" if row["force_ns"] is None else f"{row['force_ns']:.1f}"] for row in many["rows"]
+        ]))  # fmt: skip
     force = rays["brute_force"]
     if force["rows"]:
         parts.append(aligned(["TERRAIN", "BRUTE FORCE NS/RAY", "TREE NS/RAY", "SAME BITS"], [
@@ -150,11 +157,11 @@ def kernels_table(workloads: list[dict[str, Any]]) -> str:
         for kernel in one.get("kernels", []):
             if shares := kernel.get("frac_of_peak"):
                 cells = [f"{100 * shares[name]:.0f} %" if name in shares else "-"
-                         for name in ("flop", "bandwidth", "gather", "launch")]  # fmt: skip
+                         for name in ("flop", "gather", "bandwidth", "launch")]  # fmt: skip
                 rows.append([f"{one['id']} {kernel['name']}", f"{100 * kernel['share']:.0f} %",
                              f"{kernel['nodes_per_ray']:.1f}", f"{kernel['leaves_per_ray']:.1f}", *cells,
                              kernel["limiter"]])  # fmt: skip
-    head = ["KERNEL (MODELLED)", "TIME", "NODES/RAY", "LEAVES/RAY", "FLOP", "READ", "GATHER", "LAUNCH", "LIMITED BY"]
+    head = ["KERNEL (MODELLED)", "TIME", "NODES/RAY", "LEAVES/RAY", "FLOP", "GATHER", "READ", "LAUNCH", "LIMITED BY"]
     return aligned(head, rows) if rows else ""
 
 
@@ -170,6 +177,27 @@ def ledger_table(workloads: list[dict[str, Any]]) -> str:
     return aligned(head, rows) if rows else ""
 
 
+def soak_table(workloads: list[dict[str, Any]]) -> str:
+    """Long runs; empty where there were none."""
+    rows = []
+    for one in workloads:
+        if found := one.get("soak"):
+            steady = found["steady"]
+            rows.append([one["id"], f"{found['seconds']:.0f} s", figure(steady["median"], "rays/s"), spread(steady),
+                         f"{found['steady_over_first']:.3f}"])  # fmt: skip
+    return aligned(["SOAK", "TIME", "LAST THIRD", "+-", "OVER FIRST THIRD"], rows) if rows else ""
+
+
+def scramble_table(workloads: list[dict[str, Any]]) -> str:
+    """Rates in disguise over plain ones; empty where they were not measured."""
+    rows = []
+    for one in workloads:
+        if found := one.get("scramble"):
+            interval = "{:.3f} to {:.3f}".format(*found["ci95"])
+            rows.append([one["id"], f"{found['ratio']:.3f}", interval, "yes" if found["same"] else "NO"])
+    return aligned(["SCRAMBLED", "OVER PLAIN", "95 %", "WITHIN 3 %"], rows) if rows else ""
+
+
 def verdict(result: dict[str, Any]) -> str:
     """The last line: the score, or why there is none."""
     score = result.get("score")
@@ -177,7 +205,7 @@ def verdict(result: dict[str, Any]) -> str:
     if line:
         return line
     if not score:
-        return "no score: only suites quick and full, as shipped, have one"
+        return "no score: only suites quick, full and renders have one, and no scrambled or soaked run"
     bad = [f"{one['id']} {one['status']}" for one in result["workloads"] if one["status"] != "ok"]
     return f"no {score['name'].lower()}: {score['valid_workloads']} of {score['of']} workloads are right" + (
         f" ({', '.join(bad)})" if bad else ""
@@ -211,5 +239,6 @@ def measurements(result: dict[str, Any]) -> list[tuple[str, str, dict[str, Any]]
         for kind, one in found.get("sets", {}).items():
             host = {"metric": "rays", "unit": "1/s", "higher_is_better": True, "drifting": False,
                     **one["rays_per_s"]["host"]}  # fmt: skip
-            out.append(("rays", f"{scene} {kind}", {"status": "ok", "reason": None, "summary": host}))
+            row = {"status": "ok", "reason": None, "summary": host, "workload_sha256": one.get("workload_sha256")}
+            out.append(("rays", f"{scene} {kind}", row))
     return out + [("renders", one["id"], one) for one in result.get("workloads", [])]

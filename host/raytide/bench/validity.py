@@ -14,8 +14,10 @@ import numpy as np
 
 from raytide.bench.references import REFERENCE_RUNS, RUN_SPP, SAME_SEED, SAME_SPP, TILE, Reference
 from raytide.image import tile_means
+from raytide.image.metrics import flip_mean
 from raytide.image.statistics import normal_limit, sidak
 from raytide.render import Renderer
+from raytide.render.coherence import count_visits
 
 ALPHA = 1e-3  # of a false alarm in one run of all six workloads
 WORKLOADS_A_RUN = 6
@@ -23,7 +25,7 @@ RUNS = 16  # with seeds of their own
 CLOSE = 1e-3  # relative: a pixel further off took another path
 MOST_DIVERGED = 0.01  # share of pixels: paths fork where rounding decides
 MOST_ENERGY = 1e-3  # relative, by channel
-MOST_COUNTS = 1e-3  # relative, of rays by kind
+MOST_COUNTS = 1e-3  # relative, of rays by kind; of visits and hits by kind of wave
 ROUNDING = 2e-6  # relative: constant regions differ by the last bits
 
 
@@ -33,6 +35,7 @@ class Validity:
 
     figures: dict[str, Any] = field(default_factory=dict)
     reasons: list[str] = field(default_factory=list)
+    image: np.ndarray | None = None  # the fixed samples, (h, w, 3) linear
 
     @property
     def passed(self) -> bool:
@@ -73,11 +76,12 @@ def same_samples(renderer: Renderer, reference: Reference, out: Validity) -> Non
     diverged = float(np.mean(~(relative.max(axis=-1) <= CLOSE)))  # NaN diverges
     energy = image.mean(axis=(0, 1)) / np.maximum(wanted.mean(axis=(0, 1)), 1e-30)
     lost = sum(film.health.values())
+    out.image = film.rgb
     out.figures["same_samples"] = {
         "spp": SAME_SPP, "seed": SAME_SEED, "ref_sha256": reference.sha256,
         "relmse": float(np.mean((image - wanted) ** 2 / (wanted**2 + floor**2))),
         "p999_rel": float(np.quantile(relative, 0.999)), "diverged_frac": diverged, "energy_ratio": energy.tolist(),
-        "lost_samples": lost,
+        "lost_samples": lost, "flip_mean": flip_mean(image, wanted),
     }  # fmt: skip
     if not diverged <= MOST_DIVERGED:
         out.reasons.append(f"same samples: {diverged:.1%} of the pixels differ; {MOST_DIVERGED:.0%} may")
@@ -86,6 +90,7 @@ def same_samples(renderer: Renderer, reference: Reference, out: Validity) -> Non
     if lost:
         out.reasons.append(f"same samples: {lost} samples were not finite or negative")
     count_rays(renderer, reference, out)
+    count_work(renderer, reference, out)
 
 
 def count_rays(renderer: Renderer, reference: Reference, out: Validity) -> None:
@@ -97,6 +102,23 @@ def count_rays(renderer: Renderer, reference: Reference, out: Validity) -> None:
     out.figures["counters_match"] = off <= MOST_COUNTS
     if not off <= MOST_COUNTS:
         out.reasons.append(f"same samples: counts of rays differ by {off:.2%}; 0.1 % may")
+
+
+def count_work(renderer: Renderer, reference: Reference, out: Validity) -> None:
+    """Nodes, leaves and hits of the fixed samples, counted by an instrumented build, against the reference's for this
+    layout of the tree: it finds a tree that culls too little, and rays that were not traced."""
+    layout = "compact" if renderer.features.compact else "wide"
+    wanted = reference.visits.get(layout)
+    if wanted is None:
+        return
+    renderer.restart(SAME_SEED)
+    came = count_visits(renderer, SAME_SPP)
+    total = {what: sum(one[what] for one in wanted.values()) for what in ("nodes", "leaves", "hits")}
+    off = max(abs(came.get(wave, {}).get(what, 0) - number) / max(total[what], 1)
+              for wave, one in wanted.items() for what, number in one.items())  # fmt: skip
+    out.figures["work"] = {"layout": layout, **came, "max_rel_diff": off}
+    if not off <= MOST_COUNTS:
+        out.reasons.append(f"same samples: visits and hits of rays differ by {off:.2%}; 0.1 % may")
 
 
 def ray_counts(renderer: Renderer) -> dict[str, int]:

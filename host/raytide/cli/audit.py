@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
+from raytide.cli.parameters import Quiet
 from raytide.cli.replicates import (
     Reporter,
     budgets_of,
@@ -37,7 +38,7 @@ def audit(
     device: Annotated[str | None, Parameter(help="part of a device id")] = None,
     threads: Annotated[int | None, Parameter(help="of a CPU device")] = None,
     seed: Annotated[int, Parameter(help="another one, other renders")] = 1,
-    quiet: Annotated[bool, Parameter(negative="", help="only errors on stderr")] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Count how often renders' own error bands hold, by tile and by picture, against converged references.
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
+from raytide.cli.parameters import Flag
 from raytide.errors import DeviceError, UsageError
 
 if TYPE_CHECKING:
     from raytide.bench.runner import Job
 
-Flag = Annotated[bool, Parameter(negative="")]
 INVALID, NO_DEVICE, FAILED, REGRESSION = 4, 3, 1, 5
 SUFFIX = ".bench.json"
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from cyclopts import App
 
-from cyclopts import App, Parameter
+from raytide.cli.parameters import Flag
 
 app = App(name="cache", help="Show or clear the kernel cache.")
 
 
 @app.command
-def info(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
+def info(*, json: Flag = False) -> int:
     """Show folder, sizes and damaged entries.
 
     Parameters

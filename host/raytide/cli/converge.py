@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
+from raytide.cli.parameters import Flag, Quiet
 from raytide.cli.replicates import (
     Reporter,
     budgets_of,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from raytide.report.convergence_files import Outcome
     from raytide.report.experiment import Devices, Plan
 
-Flag = Annotated[bool, Parameter(negative="")]
 BUDGETS = "1,2,4,8,16,32,64,128"
 
 
@@ -47,7 +47,7 @@ def converge(
     start_runs: Annotated[int, Parameter(help="starts of the whole command to measure its set-up; 0: none")] = 3,
     changes: Annotated[list[str] | None, Parameter(name="--set", negative="", help="key.path=value; repeats")] = None,
     allow_outside: Annotated[Flag, Parameter(help="let scenes name files outside their folders")] = False,
-    quiet: Annotated[Flag, Parameter(help="only errors on stderr")] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Measure error against time: independent renders for each budget, held against a reference.
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from cyclopts import Parameter
-
-Flag = Annotated[bool, Parameter(negative="")]
+from raytide.cli.parameters import Flag
 
 
 def devices(*, json: Flag = False) -> int:

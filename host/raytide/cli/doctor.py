@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
 
-from cyclopts import Parameter
-
-Flag = Annotated[bool, Parameter(negative="")]
+from raytide.cli.parameters import Flag
 
 
 def doctor(*, json: Flag = False, enable_intel: Flag = False) -> int:

@@ -15,25 +15,6 @@ from raytide.errors import UsageError
 from raytide.scene.describe import Option, option_of
 from raytide.scene.settings import RenderSettings
 
-Defines = Annotated[
-    list[str] | None,
-    Parameter(name=["--define", "-D"], negative="", help="name=value of a Mitsuba scene's parameter; may be repeated"),
-]
-Outputs = Annotated[
-    list[Path] | None, Parameter(name=["--output", "-o"], negative="", help=".exr or .png; may be repeated")
-]
-Changes = Annotated[
-    list[str] | None, Parameter(name="--set", negative="", help="key.path=value put over the scene; may be repeated")
-]
-Kept = Annotated[
-    Path | None, Parameter(help="keep the render in this file as it goes on; `raytide resume FILE` goes on from it")
-]
-Every = Annotated[
-    str | None, Parameter(help="time between checkpoints, such as 30s; default: 60s, and at most 1 % of the time")
-]
-Samples = Annotated[
-    str | None, Parameter(help="only samples A:B of each pixel, such as 256:512, into -o F.shard for `raytide merge`")
-]
 SUFFIXES = (".exr", ".png")
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30}
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from raytide.cli.parameters import Flag
 from raytide.cli.replicates import Reporter, picture_size
 from raytide.cli.signals import StopOnSignal
 from raytide.errors import UsageError
@@ -14,8 +15,6 @@ from raytide.errors import UsageError
 if TYPE_CHECKING:
     from raytide.report.reference import Slices
     from raytide.scene.scene import Scene
-
-Flag = Annotated[bool, Parameter(negative="")]
 
 
 def reference(

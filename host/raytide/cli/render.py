@@ -14,20 +14,23 @@ from cyclopts import Parameter
 
 from raytide.cli.config import HOST, Settings, environment, gather
 from raytide.cli.job import Job, checkpoints_of
-from raytide.cli.options import (
-    SUFFIXES,
+from raytide.cli.options import SUFFIXES, check_outputs, defines_of, seconds_of, with_render_keys
+from raytide.cli.outputs import check_health, save, summary, write_report, write_trace
+from raytide.cli.parameters import (
     Changes,
     Defines,
     Every,
+    Exposure,
+    Flag,
+    Half,
     Kept,
+    LogJson,
+    NoClobber,
     Outputs,
+    Quiet,
     Samples,
-    check_outputs,
-    defines_of,
-    seconds_of,
-    with_render_keys,
+    Verbose,
 )
-from raytide.cli.outputs import check_health, save, summary, write_report, write_trace
 from raytide.cli.progress import Progress, progress_for, set_up_logging
 from raytide.cli.shard import SHARD_SUFFIXES, check_shard, render_samples
 from raytide.cli.signals import SIGNALS, Interrupted, StopOnSignal
@@ -55,21 +58,17 @@ def render(
     checkpoint: Kept = None,
     every: Every = None,
     samples: Samples = None,
-    coherence: Annotated[
-        bool, Parameter(negative="", help="measure how coherent each wave's rays are, into --report")
-    ] = False,
-    everything: Annotated[bool, Parameter(negative="", help="leave nothing out of the kernels, to compare")] = False,
+    coherence: Annotated[Flag, Parameter(help="measure how coherent each wave's rays are, into --report")] = False,
+    everything: Annotated[Flag, Parameter(help="leave nothing out of the kernels, to compare")] = False,
     traversal: Annotated[str, Parameter(help="of rays: single, packet, compact or auto; same picture")] = "auto",
-    explain: Annotated[
-        bool, Parameter(negative="", help="show each setting's value and origin; without -o render nothing")
-    ] = False,
-    allow_outside: Annotated[bool, Parameter(negative="", help="let the scene name files outside its folder")] = False,
-    half: Annotated[bool, Parameter(negative="", help="EXR: beauty and albedo as half floats")] = False,
-    exposure: Annotated[float, Parameter(help="PNG: stops")] = 0.0,
-    no_clobber: Annotated[bool, Parameter(negative="", help="refuse to replace a file")] = False,
-    quiet: Annotated[bool, Parameter(negative="", help="only errors on stderr")] = False,
-    verbose: Annotated[bool, Parameter(name=["--verbose", "-v"], negative="", help="all messages")] = False,
-    log_json: Annotated[bool, Parameter(negative="", help="stderr as JSON lines")] = False,
+    explain: Annotated[Flag, Parameter(help="show each setting's value and origin; without -o render nothing")] = False,
+    allow_outside: Annotated[Flag, Parameter(help="let the scene name files outside its folder")] = False,
+    half: Half = False,
+    exposure: Exposure = 0.0,
+    no_clobber: NoClobber = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    log_json: LogJson = False,
     **keys: Any,
 ) -> int:
     """Render SCENE and write it to every -o file. The files' names go to stdout, all else to stderr.

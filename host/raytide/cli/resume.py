@@ -9,7 +9,8 @@ from cyclopts import Parameter
 
 from raytide.cli.config import HOST, HostSetting, Settings, checked_host
 from raytide.cli.job import Job, job_of
-from raytide.cli.options import Every, check_outputs, seconds_of
+from raytide.cli.options import check_outputs, seconds_of
+from raytide.cli.parameters import Every, LogJson, Quiet, Verbose
 from raytide.cli.progress import set_up_logging
 from raytide.cli.render import load_scene, nothing_written, process_age, render_scene
 from raytide.cli.signals import Interrupted, StopOnSignal
@@ -33,9 +34,9 @@ def resume(
     report: Annotated[Path | None, Parameter(help="write the report here instead")] = None,
     trace: Annotated[Path | None, Parameter(help="write the series of passes here instead")] = None,
     every: Every = None,
-    quiet: Annotated[bool, Parameter(negative="", help="only errors on stderr")] = False,
-    verbose: Annotated[bool, Parameter(name=["--verbose", "-v"], negative="", help="all messages")] = False,
-    log_json: Annotated[bool, Parameter(negative="", help="stderr as JSON lines")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    log_json: LogJson = False,
 ) -> int:
     """Go on with the render in CHECKPOINT, with the options of the command that began it, and write its files.
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from raytide.cli.options import Defines, defines_of
+from raytide.cli.options import defines_of
+from raytide.cli.parameters import Defines, Flag
 
 if TYPE_CHECKING:
     from raytide.scene.describe import Option
@@ -18,12 +19,11 @@ if TYPE_CHECKING:
 app = App(name="scene", help="Check, describe and convert scene files.", result_action="return_value")
 
 Settings = Annotated[list[str] | None, Parameter(name="--set", negative="", consume_multiple=True)]
-Switch = Annotated[bool, Parameter(negative="")]
 
 
 @app.command
 def check(
-    file: str, /, *, set: Settings = None, define: Defines = None, allow_outside: Switch = False, json: Switch = False
+    file: str, /, *, set: Settings = None, define: Defines = None, allow_outside: Flag = False, json: Flag = False
 ) -> int:
     """Read a scene and everything that it names; print what it holds.
 
@@ -83,7 +83,7 @@ def schema() -> int:
 
 @app.command
 def convert(
-    source: str, target: str, /, *, set: Settings = None, define: Defines = None, allow_outside: Switch = False
+    source: str, target: str, /, *, set: Settings = None, define: Defines = None, allow_outside: Flag = False
 ) -> int:
     """Write a scene (.toml, .json, or Mitsuba 3 .xml) as TOML or JSON by suffix; the same scene comes back from both.
 
@@ -108,7 +108,7 @@ def convert(
 
 
 @app.command
-def kinds(*, json: Switch = False) -> int:
+def kinds(*, json: Flag = False) -> int:
     """List cameras, materials, shapes, lights, presets and settings with units, ranges and defaults.
 
     Parameters

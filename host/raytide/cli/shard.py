@@ -12,8 +12,9 @@ from cyclopts import Parameter
 
 from raytide.cli.config import Settings
 from raytide.cli.job import Job
-from raytide.cli.options import Outputs, check_outputs
+from raytide.cli.options import check_outputs
 from raytide.cli.outputs import check_health
+from raytide.cli.parameters import Exposure, Half, LogJson, NoClobber, Outputs, Quiet, Verbose
 from raytide.cli.progress import progress_for, set_up_logging
 from raytide.cli.progress_text import percent
 from raytide.cli.signals import SIGNALS, StopOnSignal
@@ -69,12 +70,12 @@ def merge(
     /,
     *,
     output: Outputs = None,
-    half: Annotated[bool, Parameter(negative="", help="EXR: beauty and albedo as half floats")] = False,
-    exposure: Annotated[float, Parameter(help="PNG: stops")] = 0.0,
-    no_clobber: Annotated[bool, Parameter(negative="", help="refuse to replace a file")] = False,
-    quiet: Annotated[bool, Parameter(negative="", help="only errors on stderr")] = False,
-    verbose: Annotated[bool, Parameter(name=["--verbose", "-v"], negative="", help="all messages")] = False,
-    log_json: Annotated[bool, Parameter(negative="", help="stderr as JSON lines")] = False,
+    half: Half = False,
+    exposure: Exposure = 0.0,
+    no_clobber: NoClobber = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+    log_json: LogJson = False,
 ) -> int:
     """Put SHARDS together and write the picture to every -o file, with its error.
 

@@ -7,16 +7,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
-
+from raytide.cli.parameters import Flag
 from raytide.errors import UsageError
 
 if TYPE_CHECKING:
     from raytide.verify import Case, Verdict
 
-Flag = Annotated[bool, Parameter(negative="")]
 Paths = list[Path] | None  # before a parameter of that name hides `list`
 SHORT = 4
 MOST_FIGURES = 24  # of a case that falls short; where it has more, those of the trials that do

@@ -10,6 +10,7 @@ from raytide.device.find import choose, list_devices, list_platforms, pick
 from raytide.device.info import DeviceInfo, PlatformInfo
 from raytide.device.memory import Buffer
 from raytide.device.probe import ProbeResult
+from raytide.device.renamed import open_renamed
 
 __all__ = [
     "BuildFailure",
@@ -29,5 +30,6 @@ __all__ = [
     "list_devices",
     "list_platforms",
     "open_device",
+    "open_renamed",
     "pick",
 ]

@@ -36,7 +36,7 @@ def type_name(kind: str) -> str:
     return "".join(part.capitalize() for part in kind.split("_"))
 
 
-def parameters_text(features: Features) -> str:
+def _parameters(features: Features) -> str:
     """One struct and one loader for each material kind present; loads the record's floats in declared order."""
     # Once textures have scaled them, the parameters at a point of a surface are a copy of the item's own.
     out = [f"#define MATERIAL_SPACE {'private' if features.switches()['copied'] else 'global'}\n"]
@@ -103,7 +103,8 @@ def _value_of(kind: str) -> str:
 
 def _material(features: Features) -> str:
     present = features.material_kinds
-    out = ['#include "base/bsdf.cl"'] + [f'#include "material/{kind}.cl"' for kind in present]
+    out = ['#include "base/bsdf.cl"', _parameters(features)]
+    out += [f'#include "material/{kind}.cl"' for kind in present]
     for function, (result, parameters, arguments, otherwise) in _MATERIAL_FUNCTIONS.items():
         constant = not arguments  # looks at no table
         loaded = _loaded(features, "0" if constant else "tables")

@@ -82,7 +82,7 @@ class Features:
         return tuple(kind for kind in self.lights if not (self.chance_sky and kind in WHOLE_SKIES))
 
     def switches(self) -> dict[str, bool]:
-        """Every switch by name, HAS_ left away; all are always defined as 0 or 1."""
+        """Every switch by name, HAS_ left away; programs define those that they mention as 0 or 1."""
         on = {field.name: bool(getattr(self, field.name)) for field in fields(self) if field.type == "bool"}
         present_of = {"material": self.material_kinds, "shape": self.shapes, "light": self.lights}
         present_of["texture"] = self.textures

@@ -11,12 +11,13 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from raytide.kernels import constants, dispatch
+from raytide.kernels import constants, dispatch, widen
 from raytide.kernels.features import Features, kinds
 from raytide.kernels.paths import kernel_dir
 from raytide.kernels.records import NONE, c_text
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*$')
+_SWITCH = re.compile(r"\bHAS_\w+")
 
 
 @dataclass(frozen=True)
@@ -40,14 +41,18 @@ def assemble(entry: str, features: Features, extra: str = "") -> Source:
     body = _paste(entry, features, files, ()) if entry else ""
     if extra:
         body += _expand("extra", extra, features, files, ())
-    text = _prelude(features) + body
+    text = _prelude(features, body) + body
     digest = hashlib.sha256(text.encode()).hexdigest()
     name = entry.rsplit("/", 1)[-1].removesuffix(".cl") or "extra"
     return Source(name, text, digest, tuple(files), entry)
 
 
-def _prelude(features: Features) -> str:
-    switches = "".join(f"#define HAS_{name.upper()} {int(on)}\n" for name, on in features.switches().items())
+def _prelude(features: Features, body: str) -> str:
+    """Defines the switches that `body` mentions and no other: a program that a switch does not concern is the same text
+    whether it is on or off, and is built once."""
+    mentioned = set(_SWITCH.findall(body))
+    defined = {f"HAS_{name.upper()}": int(on) for name, on in features.switches().items()}
+    switches = "".join(f"#define {name} {on}\n" for name, on in defined.items() if name in mentioned)
     numbers = "".join(
         f"#define {group.upper()}_{kind.upper()} {number}u\n"
         for group in ("material", "shape", "light", "texture")
@@ -55,7 +60,7 @@ def _prelude(features: Features) -> str:
     )
     pragma = "#pragma OPENCL FP_CONTRACT OFF\n"
     numbers += f"#define NONE 0x{NONE:x}u\n{constants.c_text()}"
-    return f"{pragma}{switches}{numbers}\n{c_text()}\n{dispatch.parameters_text(features)}\n"
+    return f"{pragma}{switches}{numbers}\n{c_text()}\n"
 
 
 def _paste(name: str, features: Features, files: list[str], chain: tuple[str, ...]) -> str:
@@ -83,4 +88,6 @@ def _expand(name: str, text: str, features: Features, files: list[str], chain: t
 
 @cache
 def _read(name: str) -> str:
+    if name == widen.WORDS_OF_EIGHT:
+        return widen.of_eight(_read(widen.WORDS))
     return (kernel_dir() / name).read_text(encoding="utf-8")

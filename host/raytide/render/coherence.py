@@ -1,11 +1,14 @@
 """How coherent each wave's rays are: what a group of 64 neighbours touches of the tree against what one ray touches.
 
-An instrumented build of the traversal counts; nothing here runs in a render. Every wave of the first sample is measured
+Instrumented builds of the traversal count; nothing here runs in a render. Every wave of the first sample is measured
 twice: in the order in which raytide traces it (8x8 tiles, kept by compaction), and in scanline order.
+
+`count_visits` gives totals instead: what all rays of the first samples visit and meet.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,20 +33,60 @@ def measure_coherence(renderer: Renderer) -> dict[str, dict[str, Any]]:
     `nodes_per_group` and `leaves_per_group`; `sharing` is visits by rays over different nodes: 1 where neighbours
     share nothing, 64 where they agree in everything. The film and the figures of the render stay as they are.
     """
+    observer = _Observer(renderer)
+    _observe(renderer, observer)
+    found = observer.found.items()
+    return {label: {order: _figures(rows) for order, rows in orders.items()} for label, orders in found}
+
+
+def count_visits(renderer: Renderer, samples: int = 1) -> dict[str, dict[str, int]]:
+    """`nodes` and `leaves` that all rays of the first `samples` of each pixel visit, and `hits`, those that met
+    something, by the kind of wave: primary, reflection, shadow. Film and figures of the render stay as they are.
+
+    Raises UsageError where the samples are too many for one chunk."""
+    counter = _Counter(renderer)
+    _observe(renderer, counter, samples)
+    names = ("nodes", "leaves", "hits")
+    return {kind: dict(zip(names, map(int, total), strict=True)) for kind, total in counter.totals.items()}
+
+
+def _observe(renderer: Renderer, observer: Callable[..., None], samples: int = 1) -> None:
+    """Runs the first samples of every pixel, one as far as one chunk reaches, with an eye on its waves."""
     waves, frame = renderer.waves, renderer.frame
     if waves is None or frame is None:
         raise UsageError("this renderer is closed; make another one")
-    observer = _Observer(renderer)
+    if samples > 1 and frame.tiles * GROUP * samples > renderer.plan.samples:
+        raise UsageError(f"samples: came {samples}; wanted what fits one chunk of {renderer.plan.samples} results")
     counted, waves.rays = waves.rays, RayCounts()
     waves.observe = observer
     try:
-        chunk = (0, min(frame.tiles, renderer.plan.capacity // GROUP), 0, 1)
+        chunk = (0, min(frame.tiles, renderer.plan.capacity // GROUP), 0, samples)
         waves.run(chunk, lambda: False, frame.first_groups(chunk))
     finally:
         waves.observe, waves.rays = None, counted
         renderer.device.take_times()
-    found = observer.found.items()
-    return {label: {order: _figures(rows) for order, rows in orders.items()} for label, orders in found}
+
+
+class _Counter:
+    """Called by the waves before each trace: counts what it is about to do."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        self.renderer, self.device = renderer, renderer.device
+        source = assemble("probe/visits.cl", renderer.features.with_counters())
+        self.program: Program = self.device.build({source.name: source})[source.name]
+        self.sums = self.device.empty(12)
+        self.totals: dict[str, np.ndarray] = {}
+
+    def __call__(self, label: str, queue: Buffer, first: int, count: int, rays: Buffer, paths: Buffer) -> None:
+        kind = _kind(label)
+        self.device.fill(self.sums, 0)
+        self.device.launch(
+            self.program, "count_visits", count, 64, *self.renderer.buffers.geometry(kind), queue, np.uint32(first),
+            np.uint32(count), rays, np.uint32(kind == "shadow"), self.sums,
+        )  # fmt: skip
+        wave = label.partition("[")[0]
+        counted = self.device.read(self.sums, np.uint32, 3).astype(np.int64)
+        self.totals[wave] = self.totals.get(wave, np.zeros(3, np.int64)) + counted
 
 
 class _Observer:

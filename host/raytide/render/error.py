@@ -1,17 +1,12 @@
 """How wrong a picture is, without a reference.
 
-Each pixel keeps Q(n) = D(n)^2 + D(n/2)^2 at the last two powers of four, D(n) being the difference of the means of the
-two halves of its n samples. With V(n) the variance of a mean of n samples, halves of an Owen-scrambled sequence being
-scrambled sequences themselves, E[D(n)^2] = 4 (V(n/2) - V(n)), so
+Tile by tile, two upper bounds of relMSE are held against each other (tile_evidence.py): what the halves of a pixel's
+samples are apart, taken to fall like 1/n, and what neighbouring pixels are apart. The smaller one counts where it is so
+by more than chance, for a minimum of noisy figures is too low. No sample is spent on the estimate.
 
-    E[Q(n)] = 4 (V(n/4) - V(n)) = 4 (r - 1) V(n)        r = V(n/4) / V(n), estimated by Q(n/4) / Q(n)
-
-pooled over the picture. No sample is spent on the estimate. Powers of four, because only there the sampler is a net in
-all its dimensions: a ratio over one octave would take its zigzag for a slope.
-
-The ratio looks back and the estimate looks ahead, and slopes flatten as samples grow (first the smooth dimensions are
-won, then the rest falls like 1/n). So only a quarter of the slope's excess over 1 is believed, as measured over the
-shipped scenes (docs/error.md). That errs on the cautious side where an integrand stays smooth.
+Coming samples are predicted from the slope so far, 4^a = Q(n/4) / Q(n) pooled over the picture. It looks back and the
+prediction looks ahead, and slopes flatten as samples grow (first the smooth dimensions are won, then the rest falls
+like 1/n). So only a quarter of its excess over 1 is believed, as measured over the shipped scenes (docs/error.md).
 """
 
 from __future__ import annotations
@@ -21,9 +16,9 @@ from functools import cached_property
 
 import numpy as np
 
+from raytide.render.tile_evidence import TILE, factor, gather, power_of_four
+
 SMALLEST_RATIO, LARGEST_RATIO = 4.0, 64.0  # r: plain Monte Carlo; smooth integrands
-FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
-BLOCK = 8  # pixels; a tile is the unit whose spread gives the band
 BELIEVED = 0.25  # share of the excess of the slope over 1 that is taken to go on
 STEEPER = 0.5  # by how much more than so far the slope may be: the low end of the band
 DOUBT, EARLY_DOUBT = 0.35, 1.0  # relative: what the extrapolation does not know, from 16 samples on and before
@@ -72,65 +67,52 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
     """Error of `mean` (h, w, 3) after `spp` samples a pixel.
 
     `now`, `before`: Q (h, w, 3) at the largest power of four up to `spp`, and at the one before. None below 4 samples,
-    where nothing can be known. Beyond the power of four the variance is taken to fall like 1/n, which is cautious.
+    where nothing can be known.
     """
     if spp < 4:
         return None
-    at = power_of_four(spp)
-    denominator = mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2
-    relative = now / denominator
-    ratio = _pooled_ratio(relative, before / denominator) if at >= 16 else SMALLEST_RATIO
+    early = power_of_four(spp) < 16
+    found = gather(mean, now, before, spp)
+    ratio = SMALLEST_RATIO if early else _pooled_ratio(*found.by_pixel)
     slope = float(np.log2(ratio)) / 2
-    factor = at / spp / (4.0 * (4.0 ** (1.0 + BELIEVED * (slope - 1.0)) - 1.0))
-    steep = (at / spp) ** (slope + STEEPER) / (4.0 * (4.0 ** (slope + STEEPER) - 1.0))  # if all of it goes on
-    value = float(relative.mean()) * factor
-    spread = _standard_error(relative.mean(axis=2)) * factor
-    half_band = 1.96 * float(np.hypot(spread, value * (DOUBT if at >= 16 else EARLY_DOUBT)))
+    share = found.pixels / found.pixels.sum()
+    tiles = np.where(found.settled, found.seen, found.flat)
+    value = float(np.sum(share * tiles))
+    half_band = 1.96 * float(np.hypot(_standard_error(tiles, share), value * (EARLY_DOUBT if early else DOUBT)))
+    steep = np.where(found.settled, found.seen, found.now * factor(slope + STEEPER, spp))  # if all of the slope goes on
+    low = value - half_band if early else min(value - half_band, float(np.sum(share * steep)))
+    variance = now * over_pixels(tiles / np.maximum(found.now, 1e-300), mean)
     return ErrorEstimate(
         relmse=value,
-        low=max(0.0, min(value - half_band, value * steep / factor)) if at >= 16 else max(0.0, value - half_band),
+        low=max(0.0, low),
         high=value + half_band,
-        rmse=float(np.sqrt(np.mean(now) * factor)),
+        rmse=float(np.sqrt(np.mean(variance))),
         slope=slope,
-        rough_variance=now * factor,
+        rough_variance=variance,
     )
-
-
-def power_of_four(spp: int) -> int:
-    """The largest power of four up to `spp`."""
-    return 4 ** ((spp.bit_length() - 1) // 2)
 
 
 def _pooled_ratio(now: np.ndarray, before: np.ndarray) -> float:
     """r from all pixels together. Pixels that rule the sum are cut at a high quantile, in both sums alike."""
-    a, b = now.sum(axis=2).ravel(), before.sum(axis=2).ravel()
+    a, b = now.ravel(), before.ravel()
     keep = a + b <= np.quantile(a + b, 0.999)
     total = float(a[keep].sum())
     ratio = float(b[keep].sum()) / total if total > 0 else SMALLEST_RATIO
     return float(np.clip(ratio, SMALLEST_RATIO, LARGEST_RATIO))
 
 
-def _standard_error(image: np.ndarray) -> float:
-    """Standard error of the mean of (h, w), from the spread of tiles weighted by their pixels; with a single tile,
-    the mean itself."""
-    means, weights = tile_means(image)
-    if len(means) < 2:
-        return float(image.mean())
-    share = weights / weights.sum()
-    spread = np.sum(share**2 * (means - image.mean()) ** 2)
-    return float(np.sqrt(spread * len(means) / (len(means) - 1)))
+def _standard_error(tiles: np.ndarray, share: np.ndarray) -> float:
+    """Standard error of the mean of tiles that have a `share` in it, from their spread; of a single tile, itself."""
+    if tiles.size < 2:
+        return float(tiles.sum())
+    spread = np.sum((share * (tiles - np.sum(share * tiles))) ** 2)
+    return float(np.sqrt(spread * tiles.size / (tiles.size - 1)))
 
 
-def tile_means(image: np.ndarray, size: int = BLOCK) -> tuple[np.ndarray, np.ndarray]:
-    """Means of (h, w) over tiles of `size` x `size` pixels, and the pixels of each: both (tiles,). Ragged borders are
-    tiles of their own."""
-    rows = np.arange(0, image.shape[0], size)
-    columns = np.arange(0, image.shape[1], size)
-    sums = np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)
-    heights = np.diff(np.append(rows, image.shape[0]))
-    widths = np.diff(np.append(columns, image.shape[1]))
-    pixels = heights[:, None] * widths[None, :]
-    return (sums / pixels).ravel(), pixels.ravel()
+def over_pixels(tiles: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """Each tile's figure in all its pixels: (h, w, 1) for `image` (h, w, 3)."""
+    h, w = image.shape[:2]
+    return np.repeat(np.repeat(tiles, TILE, axis=0), TILE, axis=1)[:h, :w, None]
 
 
 def smooth(image: np.ndarray) -> np.ndarray:

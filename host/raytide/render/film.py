@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from raytide.errors import UsageError
-from raytide.render.error import ErrorEstimate, estimate, power_of_four
+from raytide.render.error import ErrorEstimate, estimate
 from raytide.render.film_sums import Sums
 from raytide.render.tile_error import TileErrors, tile_errors
+from raytide.render.tile_evidence import power_of_four
 
 LAYERS = ("albedo", "normal", "position", "depth", "samples", "object_id", "variance")
 SUFFIXES = (".exr", ".png")

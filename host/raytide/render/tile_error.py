@@ -1,12 +1,9 @@
 """How wrong each tile of a picture is, with a 95 % band, without a reference.
 
-As error.py, but every tile has a slope of its own: with Q(n) = 4 (V(n/4) - V(n)) and a slope a of V ~ n^-a,
-
-    V(n) = Q(n) / (4 (4^a - 1)),        the slope so far: 4^a = Q(n/4) / Q(n)
-
-The slope ahead is not known. It may fall to 1, plain Monte Carlo, and it may go on a little steeper than so far: the
-band reaches from the one to the other, and beyond by what the tile's own pixels leave open. The estimate itself
-believes a third of the excess over 1. Fitted to the shipped scenes; `raytide audit` counts how often the bands hold.
+The estimate is the smaller of two upper bounds (tile_evidence.py). What is left open is how the tile's own pixels
+came out, the more the fewer rule it; the radiance that the error is relative to, which is itself uncertain by the
+error; that the slope behind may go on, for which the low end reaches out; and what the tile did not meet and its
+neighbours did, for which the high end does. Fitted to the shipped scenes; `raytide audit` counts how often bands hold.
 """
 
 from __future__ import annotations
@@ -15,13 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.render.error import FLOOR, STEEPER, power_of_four
+from raytide.render.tile_evidence import Evidence, factor, gather
 
-TILE = 8  # pixels
-BELIEVED = 1.0 / 3.0  # share of the slope's excess over 1 in the estimate
 STEEPEST = 3.0
-SPREAD = 3.0  # variance of log(error / estimate) times the pixels that rule a tile
-LEAST_SPREAD = 0.1  # standard deviation of the same in a large even tile
+STEEPER = 0.25  # by how much more than so far the slope may be
+# Variance of log(error / estimate): times the pixels that rule a tile, downwards, upwards, and upwards where the
+# neighbours settle it; in a large even tile; over the relMSE of the tile.
+SPREAD_DOWN, SPREAD_UP, SPREAD_SETTLED, LEAST_SPREAD, SPREAD_RELATIVE = 1.0, 5.0, 1.5, 0.01, 2.0
+AROUND = 0.5  # of what the neighbours have, over 1 and the pixels that rule: what a tile may have missed
 CERTAINTY = 1.96
 
 
@@ -40,31 +38,30 @@ def tile_errors(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int)
     `error.estimate`. None below 16 samples, where no slope is known."""
     if spp < 16:
         return None
-    denominator = mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2
-    relative = (now / denominator).mean(axis=2)
-    q, earlier = tile_sums(relative), tile_sums((before / denominator).mean(axis=2))
-    slope = np.clip(np.log(ratio_of(earlier, q)) / np.log(4.0), 1.0, STEEPEST)
-    ahead = power_of_four(spp) / spp
-    factor = lambda a: ahead**a / (4.0 * (4.0**a - 1.0))  # noqa: E731
-    per_tile = q / tile_sums(np.ones_like(relative))
-    believed, flat, steep = factor(1.0 + BELIEVED * (slope - 1.0)), factor(1.0), factor(slope + STEEPER)
-    rulers = q**2 / np.maximum(tile_sums(relative**2), 1e-300)
-    spread = CERTAINTY * np.sqrt(SPREAD / np.maximum(rulers, 1.0) + LEAST_SPREAD**2)
-    up = np.exp(np.hypot(np.log(flat / believed), spread))
-    down = np.exp(-np.hypot(np.log(believed / steep), spread))
-    value = per_tile * believed
-    return TileErrors(value, value * down, value * up)
+    found = gather(mean, now, before, spp)
+    value = np.minimum(found.flat, found.seen)
+    steep = found.now * factor(slopes(found) + STEEPER, spp)
+    slack = np.log(np.maximum(value, 1e-300) / np.clip(steep, 1e-300, np.maximum(value, 1e-300)))
+    least = LEAST_SPREAD + SPREAD_RELATIVE * value
+    down = np.hypot(slack, CERTAINTY * np.sqrt(SPREAD_DOWN / found.rulers + least))
+    up = CERTAINTY * np.sqrt(np.where(found.settled, SPREAD_SETTLED, SPREAD_UP) / found.rulers + least)
+    return TileErrors(value, value * np.exp(-down), value * np.exp(up) + missed(found, value))
 
 
-def ratio_of(before: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """before / now of every tile; that of the whole picture where a tile shows nothing."""
-    total = float(now.sum())
-    pooled = max(float(before.sum()) / total, 1.0) if total > 0 else 4.0
-    known = (now > 0) & (before > 0)
-    return np.where(known, before / np.where(known, now, 1.0), pooled)
+def missed(found: Evidence, value: np.ndarray) -> np.ndarray:
+    """What may add to the high end of tiles of estimate `value`: rare events that the tiles around met, the less the
+    more the tile has met itself. A tile that shows nothing may be off by what they are, or the picture is."""
+    rows, columns = found.flat.shape
+    padded = np.pad(found.flat, 1, mode="edge")
+    around = sum(padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3)) / 9.0
+    picture = float(np.sum(found.flat * found.pixels) / np.sum(found.pixels))
+    return np.asarray(np.where(value > 0, AROUND * around / (1.0 + found.rulers), np.maximum(around, picture)))
 
 
-def tile_sums(image: np.ndarray) -> np.ndarray:
-    """Sums of (h, w) over tiles: (ceil(h / TILE), ceil(w / TILE)) float64."""
-    rows, columns = (np.arange(0, side, TILE) for side in image.shape)
-    return np.add.reduceat(np.add.reduceat(image.astype(np.float64), rows, axis=0), columns, axis=1)
+def slopes(found: Evidence) -> np.ndarray:
+    """The slope so far of every tile; that of the whole picture where a tile shows nothing."""
+    total = float(np.sum(found.now * found.pixels))
+    pooled = max(float(np.sum(found.before * found.pixels)) / total, 1.0) if total > 0 else 4.0
+    known = (found.now > 0) & (found.before > 0)
+    ratio = np.where(known, found.before / np.where(known, found.now, 1.0), pooled)
+    return np.asarray(np.clip(np.log(ratio) / np.log(4.0), 1.0, STEEPEST))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import Any
 
 from raytide.report.convergence import Fit, Point
@@ -27,6 +28,7 @@ from raytide.report.page import (
 )
 from raytide.report.plot import Axis, Series, curves
 
+WIDTH = 540  # px of a plot: two in a row of the page
 WAYS = (("wall", "wall time of the command, caches warm [s]"), ("render", "time of rendering alone [s]"))
 
 
@@ -94,7 +96,8 @@ def scene_section(outcome: Outcome) -> Html:
     """Plots, tables and pictures of one scene."""
     width, height = outcome.truth.rgb.shape[1], outcome.truth.rgb.shape[0]
     own = math.sqrt(max(outcome.truth.own_relmse, 0.0))
-    about = f"{width}x{height}, reference {outcome.truth.name} with an error of its own of {100 * own:.2g} %"
+    name = PurePath(outcome.truth.name).name
+    about = f"{width}x{height}, reference {name} with an error of its own of {100 * own:.2g} %"
     plots = [figure(time_plot(outcome, way, label)) for way, label in WAYS]
     if outcome.plan.most_spp:
         plots.append(figure(sample_plot(outcome), "Dashed: half the error for four times the samples, slope -0.5."))
@@ -110,14 +113,15 @@ def time_plot(outcome: Outcome, way: str, label: str) -> Html:
         points = [point for point in complete(track) if point.counts()]
         more = outcome.set_up_s(track) if way == "wall" else 0.0
         series.append(errors_of(track, points, [point.render_s + more for point in points]))
-    return curves(series, Axis(label, log=True), Axis("error", log=True), title=f"{outcome.name}: error against time")
+    title = f"{outcome.name}: error against time"
+    return curves(series, Axis(label, log=True), Axis("error [%]", log=True), WIDTH, title=title)
 
 
 def errors_of(track: Track, points: Sequence[Point], x: Sequence[float]) -> Series:
-    """Errors with their bands at `x`."""
+    """Errors with their bands at `x`, in per cent."""
     found = [point.figures() for point in points]
-    low, high = ([math.sqrt(max(one[key], 0.0)) for one in found] for key in ("relmse_low", "relmse_high"))
-    return Series(track.variant.name, x, [one["rmse_relative"] for one in found], low, high)
+    low, high = ([100 * math.sqrt(max(one[key], 0.0)) for one in found] for key in ("relmse_low", "relmse_high"))
+    return Series(track.variant.name, x, [100 * one["rmse_relative"] for one in found], low, high)
 
 
 def sample_plot(outcome: Outcome) -> Html:
@@ -132,7 +136,7 @@ def sample_plot(outcome: Outcome) -> Html:
         top = max(one.y[0] for one in seen)
         series.append(Series("slope -0.5", x, [top, top * math.sqrt(x[0] / x[1])], dashed=True, marks=False, colour=7))
     ticks = tuple(float(2**k) for k in range(24))
-    return curves(series, Axis("samples a pixel", log=True, ticks=ticks), Axis("error", log=True),
+    return curves(series, Axis("samples a pixel", log=True, ticks=ticks), Axis("error [%]", log=True), WIDTH,
                   title=f"{outcome.name}: error against samples")  # fmt: skip
 
 
@@ -145,7 +149,7 @@ def estimate_plot(outcome: Outcome) -> Html:
         series.append(Series(track.variant.name, [n for n, _ in known], [float(ratio or 0.0) for _, ratio in known]))
     samples = Axis("samples a pixel", log=True, ticks=tuple(float(2**k) for k in range(24)))
     title = f"{outcome.name}: estimate over truth"
-    return curves(series, samples, Axis("estimate / truth", log=True), height=300, title=title)
+    return curves(series, samples, Axis("estimate / truth", log=True), WIDTH, title=title)
 
 
 def point_table(outcome: Outcome, track: Track) -> Html:

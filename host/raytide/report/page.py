@@ -11,6 +11,7 @@ import html
 import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -104,10 +105,21 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its unit: a cell that shows `text` and is sorted by `value`."""
+
+    text: str
+    value: float | None
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "", digits: int = 3) -> Html:
     """A table that a click on a heading sorts. Numbers are shown with `digits` and sorted by their full value."""
 
     def cell(value: object) -> Html:
+        if isinstance(value, Quantity):
+            full = None if value.value is None else repr(value.value)
+            return element("td", value.text, class_="number", data_value=full)
         numeric = isinstance(value, int | float) and not isinstance(value, bool)
         shown = value if isinstance(value, Html) else number(value, digits)
         return element("td", shown, class_="number" if numeric else None, data_value=repr(value) if numeric else None)

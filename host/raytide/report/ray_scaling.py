@@ -1,4 +1,4 @@
-"""What a ray costs as the terrain grows, and when a tree begins to pay."""
+"""What a ray costs as the terrain grows, as rays get more, and when a tree begins to pay."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ _SETS = ("primt", "difft")
 _REPEATS = 3
 _FITTED_FROM = 1000  # triangles; below, all of the tree is one or two nodes
 _FORCED_TESTS = 3e8  # ray-triangle tests that a run by brute force may take
+_TILE = 64  # rays
+_MANY_TRIANGLES = 10_000  # of the terrain that more and more rays go through
 
 
 def scaling(
@@ -72,6 +74,44 @@ def _fit(rows: list[dict[str, Any]], name: str) -> dict[str, float] | None:
     cost = np.array([row[f"{name}_ns"] for row in used])
     slope = np.polyfit(np.log2(count), cost, 1)[0]
     return {"ns_a_doubling": float(slope), "exponent": float(np.polyfit(np.log(count), np.log(cost), 1)[0])}
+
+
+def ray_scaling(
+    device: Device, pixels: int, value_s: float, late: Callable[[], bool], traversal: str = TRAVERSALS[0]
+) -> dict[str, Any]:
+    """Nanoseconds a ray (host clock) of launches of 64, 256, ... rays through one terrain, by the tree and by brute
+    force: what a launch costs shows where they are few, and that the cost a ray does not grow where they are many."""
+    if late():
+        return {"triangles": _MANY_TRIANGLES, "rows": []}
+    geometry = geometry_of(scene := terrain_scene(_MANY_TRIANGLES, spheres=0))
+    by_tree, by_force = RayTracer(device, geometry, traversal=traversal), RayTracer(device, geometry, "none")
+    sets = make_ray_sets(scene, pixels, by_tree.closest)
+    rows: list[dict[str, Any]] = []
+    count = _TILE
+    while count <= pixels * pixels and not late():
+        row: dict[str, Any] = {"rays": count, "force_ns": None}
+        for name in _SETS:
+            row[f"{name}_ns"] = _steady_cost(by_tree, spread(sets[name], count), value_s)
+        if count * len(scene.triangles) <= _FORCED_TESTS:
+            row["force_ns"] = _cost(by_force, spread(sets["difft"], count))
+        rows.append(row)
+        count *= 4
+    return {"triangles": len(scene.triangles), "rows": rows}
+
+
+def spread(rays: RaySet, count: int) -> RaySet:
+    """`count` of the rays (a multiple of 64), whole tiles from all over the picture."""
+    tiles = np.linspace(0, len(rays.rays) // _TILE, count // _TILE, endpoint=False).astype(int)
+    return RaySet(rays.name, rays.rays[(tiles[:, None] * _TILE + np.arange(_TILE)).ravel()], rays.any_hit)
+
+
+def _steady_cost(tracer: RayTracer, rays: RaySet, value_s: float) -> float:
+    """Nanoseconds a ray, from launches one after the other that fill `value_s` / 2, each waited for."""
+    tracer.load(rays)
+    tracer.run()
+    times = max(1, min(200, round(value_s / 2 / tracer.run().wall)))
+    walls = [np.mean([tracer.run().wall for _ in range(times)]) for _ in range(_REPEATS)]
+    return float(1e9 * np.median(walls) / tracer.count)
 
 
 def brute_force(device: Device, sizes: Sequence[int], pixels: int, late: Callable[[], bool]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from raytide.device import Device
 from raytide.report.ray_room import room_scene
-from raytide.report.ray_scaling import brute_force, scaling
+from raytide.report.ray_scaling import brute_force, ray_scaling, scaling
 from raytide.report.ray_scenes import RayScene, blob_scene, terrain_scene
 from raytide.report.ray_sets import RaySet, make_ray_sets
 from raytide.report.ray_tracer import TRAVERSALS, RayTracer, Timing, geometry_of
@@ -69,6 +69,8 @@ def run_suite(device: Device, plan: Plan, say: Say, traversal: str = TRAVERSALS[
         result["scenes"][name] = measure_scene(device, make(), plan, late, traversal)
     say("cost against the number of triangles ...")
     result["scaling"] = scaling(device, plan.scaling_sizes, plan.scaling_pixels, plan.value_s, late, traversal)
+    say("cost against the number of rays ...")
+    result["ray_scaling"] = ray_scaling(device, plan.scaling_pixels, plan.value_s, late, traversal)
     say("brute force against the tree ...")
     forced = [n for n in plan.scaling_sizes if n <= plan.forced_most]
     result["brute_force"] = brute_force(device, forced, plan.scaling_pixels, late)

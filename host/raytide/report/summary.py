@@ -7,14 +7,18 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-UNSTABLE_CV = 0.10  # from this coefficient of variation on a value is called unstable
+UNSTABLE_CV = 0.10  # of the values: from this coefficient of variation on they are called unstable
+UNSTABLE_MEDIAN_CV = 0.03  # of their median, as resampling tells it: above, too
 _RESAMPLES = 1000
+_RATIO_RESAMPLES = 2000
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Median, median absolute deviation, extremes, 95 % bootstrap interval of the median, coefficient of variation."""
+    """Median, median absolute deviation, extremes, 95 % bootstrap interval of the median, coefficients of variation of
+    the values and, by bootstrap, of their median."""
 
     median: float
     mad: float
@@ -23,6 +27,7 @@ class Summary:
     n: int
     ci95: tuple[float, float]
     cv: float
+    median_cv: float
     unstable: bool
 
     def as_dict(self) -> dict[str, Any]:
@@ -35,8 +40,10 @@ def summarise(values: Sequence[float]) -> Summary:
     data = np.asarray(values, np.float64)
     median = float(np.median(data))
     picks = np.random.Generator(np.random.PCG64(len(data))).integers(0, len(data), (_RESAMPLES, len(data)))
-    low, high = np.percentile(np.median(data[picks], axis=1), (2.5, 97.5))
+    medians = np.median(data[picks], axis=1)
+    low, high = np.percentile(medians, (2.5, 97.5))
     cv = float(data.std(ddof=1) / data.mean()) if len(data) > 1 and data.mean() else 0.0
+    median_cv = float(medians.std() / abs(median)) if median else 0.0
     return Summary(
         median=median,
         mad=float(np.median(np.abs(data - median))),
@@ -45,8 +52,18 @@ def summarise(values: Sequence[float]) -> Summary:
         n=len(data),
         ci95=(float(low), float(high)),
         cv=cv,
-        unstable=len(data) < 2 or not cv < UNSTABLE_CV,
+        median_cv=median_cv,
+        unstable=len(data) < 2 or not (cv < UNSTABLE_CV and median_cv <= UNSTABLE_MEDIAN_CV),
     )
+
+
+def ratio_of_medians(old: ArrayLike, new: ArrayLike) -> tuple[float, float, float]:
+    """Median of `new` over that of `old`, with its 95 % bootstrap interval; both were measured apart."""
+    a, b = np.asarray(old, np.float64), np.asarray(new, np.float64)
+    rng = np.random.Generator(np.random.PCG64(20261122))
+    before, after = (np.median(x[rng.integers(0, len(x), (_RATIO_RESAMPLES, len(x)))], axis=1) for x in (a, b))
+    low, high = np.percentile(after / before, (2.5, 97.5))
+    return float(np.median(b) / np.median(a)), float(low), float(high)
 
 
 def geometric_mean(values: Sequence[float]) -> float:

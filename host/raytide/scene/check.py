@@ -104,8 +104,9 @@ def object_problems(
     """Problems of the objects; `material_names` also holds materials that were refused for their own problems."""
     shown = shown or shown_objects(scene.objects)
     found, problems = shown.by_name, list(shown.problems)
+    names = dict.fromkeys(material_names)  # found at once, however many
     for name, shape in scene.objects.items():
-        problems += _material_problems(scene, name, shape, found.get(name), material_names)
+        problems += _material_problems(scene, name, shape, found.get(name), names)
         problems += _place_problems(name, shape, found.get(name))
         if isinstance(shape, Mesh):
             problems += _mesh_problems(scene, name, shape)
@@ -113,43 +114,45 @@ def object_problems(
 
 
 def _material_problems(
-    scene: Scene, name: str, shape: Shape, shown: Shown | None, material_names: Sequence[str]
+    scene: Scene, name: str, shape: Shape, shown: Shown | None, names: dict[str, None]
 ) -> list[Problem]:
-    key = path_words(("objects", name, "material"))
-    names = list(material_names)
     if shape.material is None:
-        missing = Problem(key, "nothing (the key is missing)", list_words(names))
-        return [] if isinstance(shape, Instance) else [missing]
+        missing = "nothing (the key is missing)"
+        return [] if isinstance(shape, Instance) else [_problem_of(name, "material", missing, list_words([*names]))]
     if shape.material not in names:
-        hint = nearest(shape.material, names)
-        return [Problem(key, f"the unknown material {ascii(shape.material)}", list_words(names), hint=hint)]
+        came, wanted = f"the unknown material {ascii(shape.material)}", list_words([*names])
+        return [_problem_of(name, "material", came, wanted, nearest(shape.material, [*names]))]
     bare = shown.shape if shown else shape
     if isinstance(scene.materials.get(shape.material), Emissive) and not bare.EMITS:
         came = f"the emissive material {ascii(shape.material)} on a {bare.type}"
-        return [Problem(key, came, "another material", hint="let a rectangle, a disk or a light shine")]
+        return [_problem_of(name, "material", came, "another material", "let a rectangle, a disk or a light shine")]
     return []
+
+
+def _problem_of(name: str, key: str, came: str, wanted: str, hint: str | None = None) -> Problem:
+    """A problem of an object's key."""
+    return Problem(path_words(("objects", name, key)), came, wanted, hint=hint)
 
 
 def _place_problems(name: str, shape: Shape, shown: Shown | None) -> list[Problem]:
     """A transform that cannot be used, or that takes the shape out of float32's range."""
-    key = path_words(("objects", name, "transform"))
     own = shown.own_matrix if shown else matrix_of(shape.transform)
     fault = fault_of(own)
     if not fault and shown and not np.array_equal(shown.matrix, own):
         fault = fault_of(shown.matrix)
     if fault:
         came, _, wanted = fault.removeprefix("came ").partition("; wanted ")
-        return [Problem(key, came, wanted)]
+        return [_problem_of(name, "transform", came, wanted)]
     if shown is None or isinstance(shown.shape, Mesh):
         return []
     try:
         center, axes = shown.shape.placed(shown.matrix)
     except SceneError as error:
-        return [Problem(key, found.came, found.wanted, hint=found.hint) for found in error.problems]
+        return [_problem_of(name, "transform", one.came, one.wanted, one.hint) for one in error.problems]
     sizes = (axes * axes).sum(axis=1) ** 0.5
     if not (abs(center).max() <= LARGEST and sizes.max() <= LARGEST and sizes.min() >= SMALLEST):
         came = f"a place {center.tolist()} with half sizes {sizes.tolist()}"
-        return [Problem(key, came, f"numbers from {SMALLEST:g} to {LARGEST:g} in size")]
+        return [_problem_of(name, "transform", came, f"numbers from {SMALLEST:g} to {LARGEST:g} in size")]
     return []
 
 

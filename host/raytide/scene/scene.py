@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from raytide.errors import Problem, SceneError
 from raytide.scene.camera import CAMERAS, Camera
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from raytide.scene.flatten import FlatScene
 
 FORMAT = 1
+Read = TypeVar("Read")  # what a file is read to
 LONGEST_NAME = 200
 
 
@@ -159,10 +160,6 @@ class Scene:
 
     __hash__ = None  # type: ignore[assignment]
 
-    def mesh_path(self, shape: Mesh) -> Path:
-        """The file of a mesh. Raises ValueError where its path is not allowed."""
-        return self.file_path(shape.mesh or "")
-
     def mesh_data(self, shape: Mesh) -> MeshData:
         """Vertices and triangles of a mesh in its own space, read once for each version of the file.
 
@@ -172,11 +169,7 @@ class Scene:
 
         if shape.mesh is None:
             return MeshData.inline(shape.vertices, shape.faces, shape.uv).turned(flip=shape.flip, flip_v=shape.flip_v)
-        path = self.mesh_path(shape)
-        version = (*_version_of(path), shape.part)
-        if version not in self._meshes:
-            self._meshes[version] = load_mesh(path, shape.part)
-        mesh = self._meshes[version]
+        mesh = self._read_once(self._meshes, shape.mesh, load_mesh, shape.part)
         return mesh.turned(flip=shape.flip, flip_v=shape.flip_v) if shape.flip or shape.flip_v else mesh
 
     def file_path(self, name: str) -> Path:
@@ -192,11 +185,7 @@ class Scene:
         """
         from raytide.importers.picture import load_picture
 
-        path = self.file_path(name)
-        version = _version_of(path)
-        if version not in self._pictures:
-            self._pictures[version] = load_picture(path)
-        return self._pictures[version]
+        return self._read_once(self._pictures, name, load_picture)
 
     def measurement(self, name: str) -> Measurement:
         """What the file of a measured material holds, read once for each version of it.
@@ -205,11 +194,15 @@ class Scene:
         """
         from raytide.importers.measured import load_measurement
 
+        return self._read_once(self._measurements, name, load_measurement)
+
+    def _read_once(self, known: dict[Any, Read], name: str, read: Callable[..., Read], *part: object) -> Read:
+        """What `read` makes of a file that the scene names, or of a `part` of it, once for each version of the file."""
         path = self.file_path(name)
-        version = _version_of(path)
-        if version not in self._measurements:
-            self._measurements[version] = load_measurement(path)
-        return self._measurements[version]
+        version = (*_version_of(path), *part)
+        if version not in known:
+            known[version] = read(path, *part)
+        return known[version]
 
     def problems(self) -> list[Problem]:
         """Everything that keeps this scene from being rendered: references, transforms, files."""

@@ -25,6 +25,7 @@ from raytide.scene.values import (
 )
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+IDENTITY = np.eye(4)
 WORST_CONDITION = 1e12  # beyond it a float64 inverse keeps fewer than four digits
 
 
@@ -113,6 +114,8 @@ def matrix_of(steps: Sequence[Step]) -> np.ndarray:
 
 def fault_of(matrix: np.ndarray) -> str | None:
     """Why a (4, 4) transform cannot be used (not finite, too large, not invertible), or None."""
+    if np.array_equal(matrix, IDENTITY):  # most are, and it is ten times as fast to see
+        return None
     if not np.isfinite(matrix).all():
         return "came a transform whose product overflows; wanted finite numbers"
     if np.abs(matrix).max() > LARGEST:

@@ -125,7 +125,8 @@ def no_rays(lab: Lab) -> Iterator[Trial]:
             for bad in (np.nan, np.inf, -np.inf) for place in range(7)]  # fmt: skip
     rows = [row for row in rows if not row[6] == np.inf]  # no end at all is a ray
     rows += [[0.1, 0.2, -3.0, 0.0, 0.0, zero, 1e30] for zero in (0.0, -0.0)] + [[0.1, 0.2, -3.0, 0.0, 0.0, 1.0, -1.0]]
-    rows += [[0.1, 0.2, -1e-30, 0.0, 0.0, 1e-40, 1e30]]  # would be met at 1e10, unless denormals are flushed
+    # Would be met at 1e10 and at 0, unless denormals are flushed.
+    rows += [[0.1, 0.2, place, 0.0, 0.0, 1e-40, 1e30] for place in (-1e-30, 0.0)]
     table = f4(rows)
     inputs = {"origin": table[:, :3], "direction": table[:, 3:6], "end": table[:, 6]}
     for builder in ("sah", "none"):

@@ -32,20 +32,23 @@ def refusal(changes: dict[str, Any]) -> list[str]:
 
 @dataclass
 class Cost:
-    """What one call took: seconds, and bytes by which the process's largest memory grew."""
+    """What one call took: seconds on the clock, seconds of processor time (other work on the machine does not count),
+    and bytes by which the process's largest memory grew."""
 
     seconds: float = 0.0
+    processor: float = 0.0
     bytes: int = 0
 
 
 @contextmanager
 def measured() -> Iterator[Cost]:
     """Time and memory of a block."""
-    cost, before, start = Cost(), _peak(), time.perf_counter()
+    cost, before, start, worked = Cost(), _peak(), time.perf_counter(), time.process_time()
     try:
         yield cost
     finally:
-        cost.seconds, cost.bytes = time.perf_counter() - start, _peak() - before
+        cost.seconds, cost.processor = time.perf_counter() - start, time.process_time() - worked
+        cost.bytes = _peak() - before
 
 
 def _peak() -> int:

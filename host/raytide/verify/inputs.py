@@ -60,7 +60,7 @@ def counted(wrong: dict[str, bool], figures: dict[str, Any] | None = None) -> Ju
 
 def read_each(files: dict[str, tuple[str | bytes, str]], timed: bool) -> Judged:
     """Reads files, scenes or meshes by their suffixes: the outcome is one of the words beside the content, memory grows
-    by less than 256 MiB and, where `timed`, none takes more than 2 s."""
+    by less than 256 MiB and, where `timed`, none takes more than 2 s of processor time."""
     wrong, slowest = {}, 0.0
     for name, (content, wanted) in files.items():
         read = load_mesh if name.endswith((".gltf", ".serialized")) else lambda path: load(path).flatten()
@@ -68,9 +68,9 @@ def read_each(files: dict[str, tuple[str | bytes, str]], timed: bool) -> Judged:
             path = written(folder, name, content)
             with measured() as cost:
                 result = outcome(partial(read, path))
-        slowest = max(slowest, cost.seconds)
-        late = timed and cost.seconds > 2  # times are judged only where nothing else is asked of the machine
-        wrong[f"{name}: {result}, {cost.seconds:.1f} s"] = (
+        slowest = max(slowest, cost.processor)
+        late = timed and (cost.processor > 2 or cost.seconds > 20)  # the clock tells of waits, and of other work
+        wrong[f"{name}: {result}, {cost.processor:.1f} s, {cost.seconds:.1f} s on the clock"] = (
             result not in wanted.split() or late or cost.bytes > 256 * MIB)
     return counted(wrong, {"slowest": f"{slowest:.2f} s"})
 
@@ -233,7 +233,8 @@ def escapes(lab: Lab) -> Iterator[Trial]:
 
 
 @case("I6", "input", "instances of themselves, chains of 10,000, glTF nodes that double 40 times, a file that includes "
-      "itself", "refused or right within 2 s, less than 256 MiB", "2^30 instances from 1 KB")  # fmt: skip
+      "itself", "refused or right; less than 256 MiB; full: within 2 s of processor time",
+      "2^30 instances from 1 KB")  # fmt: skip
 def explosions(lab: Lab) -> Iterator[Trial]:
     def cases() -> dict[str, tuple[str | bytes, str]]:
         ball = {"type": "sphere", "material": "m"}
@@ -256,7 +257,7 @@ def explosions(lab: Lab) -> Iterator[Trial]:
 
 
 @case("I7", "input", "100,000 brackets in JSON, TOML and XML; a string of 64 MB; compressed bombs",
-      "refused within 2 s; no RecursionError", "the parser's stack overflows")  # fmt: skip
+      "refused; no RecursionError; full: within 2 s of processor time", "the parser's stack overflows")  # fmt: skip
 def bombs(lab: Lab) -> Iterator[Trial]:
     def judge() -> Judged:
         deep = 100_000

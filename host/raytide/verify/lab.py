@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,6 +59,11 @@ class Lab:
     def count(self, quick: int, full: int) -> int:
         """How many inputs to try."""
         return full if self.full else quick
+
+    def seconds(self) -> float:
+        """A clock for differences: processor time where the device is this machine's processor, so that other work on
+        the machine does not count; else time as it passes."""
+        return time.process_time() if self.device.info.type == "cpu" else time.perf_counter()
 
     def rng(self, seed: int) -> np.random.Generator:
         """Random numbers of one trial; the same in every run, so that a failure can be looked at."""

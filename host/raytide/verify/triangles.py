@@ -16,7 +16,7 @@ from raytide.kernels.records import NONE
 from raytide.scene import Camera, Scene, mesh
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined
 from raytide.verify.host import refusal
-from raytide.verify.lab import ULP, Lab, f4, flat, rays_of, unit_vectors
+from raytide.verify.lab import ULP, Lab, Tracer, f4, flat, rays_of, unit_vectors
 
 FAR_PLACE = (148376.0, 1234.0, -223423.0)  # the triangles of the 200-ring sphere are 2 ulp wide there
 RINGS, SEGMENTS = 200, 80
@@ -236,8 +236,9 @@ def duplicates(lab: Lab) -> Iterator[Trial]:
     yield Trial("overlapping", {"place": f4(rng.uniform(-1.5, 1.5, (lab.count(10_000, 100_000), 2)))}, judge_level)
 
 
-@case("T5", "geometry", "rays that leave the closed sphere across edges and vertices, followed onward",
-      "one crossing: after the hit nothing is met again",
+@case("T5", "geometry", "rays that leave the closed sphere across edges and vertices, followed onward; rays along and "
+      "off its triangles, here and 268 km away, that do not tell which one they left",
+      "one crossing: after the hit nothing is met again; the triangle that was left is never met",
       "Moeller-Trumbore 34 to 61 % twice; sheared, at vertices, 46 %")  # fmt: skip
 def one_crossing(lab: Lab) -> Iterator[Trial]:
     geometry = ring_sphere(RINGS, SEGMENTS)
@@ -254,6 +255,25 @@ def one_crossing(lab: Lab) -> Iterator[Trial]:
 
     for at, seed in (("edges", 314), ("vertices", 315)):
         yield Trial(at, aimed(geometry, (0.0, 0.0, 0.0), at, lab.rng(seed), lab.count(50_000, 1_000_000)), judge)
+    for center in ((0.0, 0.0, 0.0), FAR_PLACE):
+        bench = lab.tracer(ring_sphere(RINGS, SEGMENTS, center))
+        rng, n = lab.rng(318), lab.count(20_000, 500_000)
+        inputs = {"onward": f4(unit_vectors(rng, n)), "rise": f4(rng.normal(size=n) * 10.0 ** rng.uniform(-7, 0, n))}
+        inputs |= aimed(bench.geometry, center, "edges", rng, n)
+        yield Trial(f"unnamed, around {center[0]:g}", inputs, partial(judge_unnamed, bench))
+
+
+def judge_unnamed(traced: Tracer, inputs: Inputs) -> Judged:
+    """Rays that leave what they met at a slope of `rise`, without its name: the hit's error bound alone keeps them from
+    meeting it again, so that a render has no self-hits to reject."""
+    rays = rays_of(inputs["origin"], inputs["direction"])
+    hits, _ = traced.trace(rays)
+    normal = traced.surfaces(rays, hits, inputs["onward"])["ng"].astype(np.float64)
+    along = inputs["onward"] - normal * (inputs["onward"] * normal).sum(1, keepdims=True)
+    onward = f4(along / np.linalg.norm(along, axis=1, keepdims=True) + normal * inputs["rise"][:, None])
+    again, _ = traced.trace(rays_of(traced.surfaces(rays, hits, onward)["origin"], onward))
+    own = (again["prim"] == hits["prim"]) | (hits["prim"] == NONE)
+    return Judged(forbidden(own), {"met again": int(own.sum())})
 
 
 @case("T7", "geometry", "triangles of equal or collinear corners, at sizes from 1e-6 to 1e6",

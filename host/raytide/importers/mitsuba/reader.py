@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 NUMBERS = ("float", "integer")
 COLOURS = ("float", "integer", "rgb", "spectrum")
-LACKS = "raytide lacks"
 
 
 class Reader:

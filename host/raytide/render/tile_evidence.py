@@ -1,0 +1,89 @@
+"""What a picture tells of the errors of its tiles, without a reference: two upper bounds, from time and from space.
+
+Each pixel keeps Q(n) = D(n)^2 + D(n/2)^2 at the last two powers of four, D(n) being the difference of the means of the
+two halves of its n samples. With V(n) the variance of a mean of n samples, halves of an Owen-scrambled sequence being
+scrambled sequences themselves, E[D(n)^2] = 4 (V(n/2) - V(n)), so E[Q(n)] = 4 (V(n/4) - V(n)): if V falls like n^-a,
+
+    V(n) = Q(n) / (4 (4^a - 1)),        the slope so far: 4^a = Q(n/4) / Q(n)
+
+Slopes ahead are not known, but no sampler here does worse than 1/n: a = 1 bounds V from above. Powers of four, because
+only there the sampler is a net in all its dimensions: a ratio over one octave would take its zigzag for a slope.
+
+The other bound is what the pixels show against their neighbours (neighbours.py). It is tight where the picture is even,
+where low-discrepancy sampling wins most and slopes mislead most, and useless on edges and textures, where slopes are
+near 1: the smaller of the two is near the truth in both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from raytide.render.neighbours import seen_variances
+
+TILE = 8  # pixels
+SPREAD = 3.0  # variance of log(flat bound / truth) times the pixels that rule a tile
+FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Means over tiles of TILE x TILE pixels, (rows, columns) float64 each, smaller ones ending rows and columns, and
+    relative as relMSE is: squares over radiance^2 + e^2.
+
+    `now`, `before`: Q at the last two powers of four. `flat`: upper bound of relMSE from `now`, for a slope of 1.
+    `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to `pixels`. `by_pixel`: Q of each
+    pixel at the same two, (h, w).
+    """
+
+    by_pixel: tuple[np.ndarray, np.ndarray]
+    now: np.ndarray
+    before: np.ndarray
+    flat: np.ndarray
+    seen: np.ndarray
+    rulers: np.ndarray
+    pixels: np.ndarray
+
+    @property
+    def settled(self) -> np.ndarray:
+        """Where the bound from the neighbours is the lower one by more than the chance of the other."""
+        return np.asarray(self.seen < self.flat * np.exp(-np.sqrt(SPREAD / self.rulers)))
+
+
+def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> Evidence:
+    """What `mean` (h, w, 3) after `spp` samples a pixel tells; `now`, `before`: Q (h, w, 3) at the largest power of
+    four up to `spp` and at the one before."""
+    weight = 1.0 / (mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2)
+    q, earlier = (np.einsum("ijk,ijk->ij", one, weight) / one.shape[2] for one in (now, before))
+    pixels = tile_sums(np.ones_like(q))
+    total = tile_sums(q)
+    seen = np.full_like(pixels, np.inf)
+    for squares in seen_variances(mean, weight):
+        seen = np.minimum(seen, tile_sums(squares) / pixels)
+    return Evidence(
+        by_pixel=(q, earlier),
+        now=total / pixels,
+        before=tile_sums(earlier) / pixels,
+        flat=total / pixels * factor(1.0, spp),
+        seen=seen,
+        rulers=np.maximum(total**2 / np.maximum(tile_sums(q**2), 1e-300), 1.0),
+        pixels=pixels,
+    )
+
+
+def factor(slope: np.ndarray | float, spp: int) -> np.ndarray:
+    """V(spp) / Q at the last power of four, where V falls with `slope`."""
+    ahead = power_of_four(spp) / spp
+    return np.asarray(ahead**slope / (4.0 * (4.0**slope - 1.0)))
+
+
+def power_of_four(spp: int) -> int:
+    """The largest power of four up to `spp`."""
+    return 4 ** ((spp.bit_length() - 1) // 2)
+
+
+def tile_sums(image: np.ndarray) -> np.ndarray:
+    """Sums of (h, w) over tiles: (ceil(h / TILE), ceil(w / TILE)) float64."""
+    rows, columns = (np.arange(0, side, TILE) for side in image.shape)
+    return np.add.reduceat(np.add.reduceat(image.astype(np.float64), rows, axis=0), columns, axis=1)
