@@ -111,7 +111,7 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
 #if HAS_ADAPTIVE
     const uint4 span = spans[local_tile];
     const uint2 range = range_of(ranges[tile], x, y);
-    const uint first = span.x;
+    const uint first = range.x + span.x;
     const uint group = span.y;
     const uint groups = span.z;
 #else
@@ -126,8 +126,8 @@ kernel void film(global const Settings *settings, const uint first_tile, const u
 #endif
     for (uint s = 0; s < groups; s++) {
 #if HAS_ADAPTIVE
-        if (!is_in_range(range, first + s)) {
-            continue;
+        if (first + s >= range.y) {
+            break;
         }
 #endif
         const float4 sample = samples[(group + s) * TILE + lane];

@@ -28,16 +28,16 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     const uint group = item / TILE;
 #if HAS_ADAPTIVE
     const uint tile = first_tile + group_tiles[group];
-    const uint4 span = spans[group_tiles[group]];
-    const uint sample = span.x + group - span.y;
 #else
     const uint sample = first_sample + group % samples_in_chunk;
     const uint tile = first_tile + group / samples_in_chunk;
 #endif
     const uint2 at = tile_pixel(settings, tile, lane);
 #if HAS_ADAPTIVE
-    const int wanted = is_in_range(range_of(ranges[tile], at.x, at.y), sample);
-    const int inside = wanted && at.x < settings->width && at.y < settings->height;
+    const uint4 span = spans[group_tiles[group]];
+    const uint2 range = range_of(ranges[tile], at.x, at.y);
+    const uint sample = range.x + span.x + group - span.y;
+    const int inside = sample < range.y && at.x < settings->width && at.y < settings->height;
 #else
     const int inside = at.x < settings->width && at.y < settings->height;
 #endif

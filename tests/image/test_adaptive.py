@@ -13,6 +13,7 @@ from raytide.device import Device
 from raytide.errors import UsageError
 
 SIZE = (40, 28)
+WINDOW = (3, 5, 30, 21)  # of the picture: no tile of it begins or ends where one of the whole picture does
 Pair = tuple[rt.Renderer, rt.Renderer]  # plain, adaptive
 
 
@@ -91,6 +92,24 @@ def test_adaptive_means_are_unbiased_and_nearer_to_the_truth(opened: Pair) -> No
     true = np.mean((images - truth) ** 2 / (truth**2 + (0.01 * truth.mean()) ** 2), axis=(1, 2, 3, 4))
     assert true[1] < true[0]  # little at 64 spp, where plain pixels are whole nets and adaptive ones are not
     assert 0.65 < np.mean(relmse) / true[1] < 2.0  # cautious between powers of four
+
+
+@pytest.mark.parametrize("kernel", ["mitchell", "catmull_rom", "lanczos"])
+def test_windows_and_filters_with_negative_lobes_have_the_pixels_of_plain_renders(device: Device, kernel: str) -> None:
+    x, y, width, height = WINDOW
+    options = {"filter": kernel, "memory": 300_000}
+    with rt.Renderer(scene(), device, adaptive=True, crop=WINDOW, **options) as adaptive:
+        film = adaptive.render(96)  # between two decisions
+        report = adaptive.report()
+    counts, many = np.unique(film.samples, return_counts=True)
+    assert counts.min() < 90 and counts.max() > 105 and film.samples.mean() == pytest.approx(96, rel=0.02)
+    assert report["rays"]["primary"] == film.samples.sum()
+    with rt.Renderer(scene(), device, **options) as plain:
+        for count in sorted(counts[np.argsort(many)[-5:]]):
+            one, here = plain.render(int(count)), film.samples == count
+            whole = (one.rgb, one.data.differences)
+            for ours, theirs in zip((film.rgb, film.data.differences), whole, strict=True):
+                assert np.array_equal(theirs[y : y + height, x : x + width][here], ours[here])
 
 
 def test_blue_noise_whose_pixels_are_not_independent_is_refused(device: Device) -> None:

@@ -47,7 +47,8 @@ RIGHT = (
     "of 240 tiles against converged ones, in standard errors (z). Beyond the limit, chance is no explanation."
 )
 PICTURES = (
-    "Left of the border this device, right of it what should be seen: move the slider, zoom by the wheel. Below, the "
+    "The fixed samples, eight a pixel, noise and all. Left of the border this device, right of it what should be seen: "
+    "move the slider, zoom by the wheel. Below, the "
     f"signed difference: red too bright, blue too dark, in full at {FULL_SCALE:.0%}, yellow not a number; plain grey "
     "is right."
 )
@@ -117,12 +118,12 @@ def workloads_table(workloads: Sequence[dict[str, Any]], score: dict[str, Any] |
         summary = one.get("summary") or {}
         noise = summary.get("noise_1s_relmse")
         rows.append([
-            one["id"], one.get("stresses", ""), status_word(one), millions(summary.get("median")), percent(summary),
+            one["id"], status_word(one), millions(summary.get("median")), percent(summary),
             summary.get("n"), millions(summary.get("samples_per_s")), 100 * noise**0.5 if noise is not None else None,
-            points_of((score or {}).get("parts", {}).get(one["id"])), remark(one),
+            points_of((score or {}).get("parts", {}).get(one["id"])), remark(one), one.get("stresses", ""),
         ])  # fmt: skip
-    return table(["workload", "what it stresses", "status", "Mrays/s", "+- %", "values", "M samples/s",
-                  "error after 1 s, %", "points", "remark"], rows)  # fmt: skip
+    return table(["workload", "status", "Mrays/s", "+- %", "values", "M samples/s", "error after 1 s, %", "points",
+                  "remark", "what it stresses"], rows)  # fmt: skip
 
 
 def points_of(value: float | None) -> int | None:
@@ -156,8 +157,9 @@ def validity_table(workloads: Sequence[dict[str, Any]]) -> Html:
                      share((found.get("counters") or {}).get("max_rel_diff")),
                      share((found.get("work") or {}).get("max_rel_diff")), unbiased.get("max_abs_z"),
                      unbiased.get("limit"), one["reason"] or ""])  # fmt: skip
-    return table(["workload", "status", "pixels that differ %", "99.9 % differ by less than %", "rays differ by %",
-                  "visits and hits by %", "largest |z|", "its limit", "reason"], rows)  # fmt: skip
+    head = ["workload", "status", "pixels that differ %", "99.9 % of the values differ by less than %",
+            "ray counts differ by %", "visits and hits differ by %", "largest |z|", "its limit", "reason"]  # fmt: skip
+    return table(head, rows)
 
 
 def share(value: float | None) -> float | None:
@@ -171,11 +173,11 @@ def pictures(workloads: Sequence[dict[str, Any]]) -> Html | None:
     for one in workloads:
         if shown := one.get("pictures"):
             flip = ((one.get("validity") or {}).get("same_samples") or {}).get("flip_mean")
-            caption = f"{one['id']}" + (f", mean FLIP {flip:.3g}" if flip is not None else "")
+            caption = f"{one['id']}: signed difference" + (f", mean FLIP {flip:.3g}" if flip is not None else "")
             both = slider(embedded(shown["image_png"], f"{one['id']}, device"),
                           embedded(shown["reference_png"], f"{one['id']}, reference"),
                           ("this device", "as it should be"))  # fmt: skip
-            off = embedded(shown["difference_png"], f"{one['id']}, difference")
+            off = element("div", embedded(shown["difference_png"], f"{one['id']}, difference"), style="width: 50%")
             found.append(element("figure", both, off, element("figcaption", caption)))
     if not found:
         return None

@@ -28,6 +28,7 @@ from raytide.render.tile_evidence import FLOOR, power_of_four
 PILOT = 16  # samples that every pixel has before anything is decided; a power of four
 LEAST = 0.25  # of the mean number of samples: what every tile has at least
 GROWTH = 4  # at most between two decisions, so that the film still holds the difference at each power of four
+OLDEST = 8  # halves of as few as an eighth of the samples that every pixel has still tell of its noise
 OWN = 0.5  # share of a tile's own noise; the rest is the mean of it and its eight neighbours
 
 
@@ -79,9 +80,9 @@ class Allocation:
         if not len(self._weights):
             self._weights = self._weigh(film)
         self._note(film)
-        known = power_of_four(max(PILOT, int(LEAST * spp)))  # every pixel has these, whatever was decided
-        self._noise = {samples: noise for samples, noise in self._noise.items() if samples >= known}
-        others = self._noise[known][:, ::-1]  # even pixels learn from odd ones, odd from even
+        known = max(PILOT, int(LEAST * spp))  # every pixel has these, whatever was decided; a power of two
+        self._noise = {samples: noise for samples, noise in self._noise.items() if samples >= known // OLDEST}
+        others = self._pooled(known)[:, ::-1]  # even pixels learn from odd ones, odd from even
         self._octave, self._base = spp, self.have
         self._target = np.stack([self._share(2 * spp, colour, others[:, colour]) for colour in (0, 1)], axis=-1)
 
@@ -102,20 +103,33 @@ class Allocation:
         return out
 
     def _note(self, film: FilmData) -> None:
-        """Keeps each tile's noise at the powers of four that its pixels have come to."""
+        """Keeps each tile's noise of a sample at the powers of two that its pixels have come to. A squared difference
+        D(n)^2 of halves is 4 / n times that noise if the variance falls like 1 / n; Q(n) = D(n)^2 + D(n / 2)^2, which
+        is there at powers of four, 12 / n times."""
         at = 4 ** (np.frexp(np.maximum(self.have, 1))[1] - 1 >> 1)  # the last power of four of each
-        for row, shift in ((1, 4), (0, 1)):
+        alone = np.where(self.have >= 2 * at, 2 * at, at // 2)  # the last other power of two
+        for row, reached, degrees in ((1, at // 4, 3), (0, at, 3), (2, alone, 1)):
             relative = (film.differences[..., row, :3] * self._weights).sum(axis=2)
-            noise = self._sums(relative) / np.maximum(self._pixels, 1)
-            for samples in np.unique(at // shift):
+            noise = self._sums(relative) / np.maximum(self._pixels, 1) * (reached / degrees)
+            for samples in np.unique(reached):
                 if samples >= PILOT:
                     kept = self._noise.setdefault(int(samples), np.full(self.have.shape, np.nan))
-                    reached = (at // shift == samples) & np.isnan(kept)
-                    kept[reached] = noise[reached]
+                    new = (reached == samples) & np.isnan(kept)
+                    kept[new] = noise[new]
+
+    def _pooled(self, known: int) -> np.ndarray:
+        """Noise of a sample (tiles, 2), but for a factor, by what the last octaves up to `known` samples say: Q, which
+        speaks of two, and D alone where a power of two has no Q yet."""
+        pooled = np.zeros_like(self._noise[known])
+        for level, noise in self._noise.items():
+            is_whole = power_of_four(level) == level
+            if known // OLDEST <= level <= known and (is_whole or level == known):
+                pooled += 2.0 * noise if is_whole else noise
+        return pooled
 
     def _share(self, mean: int, colour: int, noise: np.ndarray) -> np.ndarray:
         """Samples of one colour of each tile (tiles,) at a mean of `mean`, by the `noise` of the other colour."""
-        wanted = np.sqrt(np.maximum(_blurred(noise.reshape(self.shape)).ravel(), 0.0))
+        wanted = _blurred(np.sqrt(np.maximum(noise, 0.0)).reshape(self.shape)).ravel()
         have, pixels = self.have[:, colour], self._pixels[:, colour]
         low = np.maximum(have, int(LEAST * mean))
         high = np.maximum(GROWTH * have, low)
@@ -150,8 +164,8 @@ class Allocation:
         return np.concatenate([self.have, self.want], axis=1).astype(np.uint32)
 
     def chunks(self, most: int) -> Iterator[Chunk]:
-        """(first tile, tiles, first, samples) of the pass's chunks, `first` counted from each tile's own first; at most
-        `most` groups each."""
+        """(first tile, tiles, first, samples) of the pass's chunks, `first` counted from each pixel's own first; at
+        most `most` groups each."""
         lengths = self._lengths()
         deepest = int(lengths.max(initial=0))
         for first in range(0, deepest, most):
@@ -175,18 +189,16 @@ class Allocation:
                 yield place, min(wide, tile + tiles - place), start, deep
 
     def _lengths(self) -> np.ndarray:
-        return self.want.max(axis=1) - self.have.min(axis=1)
+        return (self.want - self.have).max(axis=1)
 
     def spans(self, chunk: Chunk) -> Spans:
         """What a chunk holds."""
         tile, tiles, first, count = chunk
         here = slice(tile, tile + tiles)
-        have, want = self.have[here], self.want[here]
-        start = have.min(axis=1) + first
         groups = np.clip(self._lengths()[here] - first, 0, count)
         spans = np.zeros((tiles, 4), np.uint32)
-        spans[:, 0], spans[:, 1], spans[:, 2] = start, np.cumsum(groups) - groups, groups
-        taken = np.clip(np.minimum(want, (start + groups)[:, None]) - np.maximum(have, start[:, None]), 0, None)
+        spans[:, 0], spans[:, 1], spans[:, 2] = first, np.cumsum(groups) - groups, groups
+        taken = np.clip(self.want[here] - self.have[here] - first, 0, count)
         samples = int(np.sum(taken * self._pixels[here]))
         return Spans(spans, np.repeat(np.arange(tiles, dtype=np.uint32), groups), samples)
 
@@ -194,7 +206,7 @@ class Allocation:
         """The predicted error (relMSE) of the same number of samples, equal everywhere, over that of those taken."""
         if not self._noise:
             return None
-        noise, counts = self._noise[min(self._noise)], np.maximum(self.have, 1)
+        noise, counts = self._pooled(max(PILOT, int(LEAST * self._octave))), np.maximum(self.have, 1)
         mean = np.sum(counts * self._pixels) / self._pixels.sum()
         total = float(np.nansum(noise * self._pixels / counts))
         return float(np.nansum(noise * self._pixels) / mean / total) if total > 0 else 1.0
@@ -225,7 +237,8 @@ class Allocation:
 
 
 def _blurred(noise: np.ndarray) -> np.ndarray:
-    """A tile's own noise (down, across), in part the mean of its neighbourhood, since what one shows is a guess."""
+    """A tile's own `noise` (down, across), in part the mean of its neighbourhood, since what one shows is a guess. Of
+    deviations, not of variances: beside a much noisier tile these would all be its."""
     padded = np.pad(noise, 1, mode="edge")
     down, across = noise.shape
     around = sum(padded[y : y + down, x : x + across] for y in range(3) for x in range(3)) / 9
