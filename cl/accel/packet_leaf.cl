@@ -76,7 +76,8 @@ ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint
     const float8 depth = depth_between8(s, e);
     const float8 limit = p->t[group];
     float8 t = depth / p->length_z[group] + 0.0f;
-    if (any || !PLAIN_FIRST) {
+    const int exact = any | !PLAIN_FIRST;
+    if (exact) {
         t = boxed_t8(p, group, t, rows);
     }
     const int8 farthest = as_int8(limit * p->length_z[group] * FAR_SCALE);
