@@ -15,8 +15,9 @@ from raytide.render.film import Film, FilmData
 from raytide.render.film_sums import Sums
 from raytide.verify.against import compare, scenes
 from raytide.verify.cost import measure
-from raytide.verify.fuzz import fault_of, render_fuzzed
+from raytide.verify.fuzz import RandomDraw, fault_of, render_fuzzed, scene_of
 from raytide.verify.lab import Lab
+from raytide.verify.variants import Variant
 
 EXAMPLES = 40
 
@@ -51,6 +52,17 @@ def test_scenes_of_extremes_end_finite_with_no_sample_left_out(lab: Lab) -> None
         assert render_fuzzed(lab, HypothesisDraw(data)) == ""
 
     trial()
+
+
+def test_light_beyond_float32_is_left_out_and_is_no_fault_but_what_no_dimming_mends_is(lab: Lab) -> None:
+    assert lab.render(scene_of(RandomDraw(523))[0], spp=2).health["non_finite"] > 0  # 1e12 W/sr at 1e-15 m
+    assert render_fuzzed(lab, RandomDraw(523)) == ""
+    broken = lab.with_variant(Variant("nan", "light that is no number", with_nan))
+    assert "samples left out" in render_fuzzed(broken, RandomDraw(523))
+
+
+def with_nan(text: str) -> str:
+    return text.replace("out.light = xyz(v->state) * bsdf.value", "out.light = float_of(0x7fc00000u) * bsdf.value")
 
 
 def film_of(value: float, **health: int) -> Film:

@@ -101,6 +101,7 @@ def audit_one(plan: Plan, devices: Devices, output: Path, reporter: Reporter) ->
         return audit_scene(renderer, plan, truth, reporter.stopped, counted)
 
 
+OPEN = 1e4  # high / low of a band whose low end is 0, or as good as that
 HEAD = ("scene", "spp", "error", "estimate / truth (relMSE)", "tiles held", "too low", "too high", "width",
         "pictures held", "")  # fmt: skip
 
@@ -112,7 +113,8 @@ def cells(one: Verdict) -> list[str]:
     return [
         one.scene, str(one.spp), f"{100 * one.relmse ** 0.5:.3g} %", f"{one.ratio:.2f}",
         f"{100 * one.coverage:.1f} +- {100 * one.coverage_error:.1f} %", f"{100 * one.too_low:.1f} %",
-        f"{100 * one.too_high:.1f} %", f"x{one.width:.1f}", f"{100 * one.picture_coverage:.0f} %", one.words,
+        f"{100 * one.too_high:.1f} %", f"x{one.width:.1f}" if one.width < OPEN else "open",
+        f"{100 * one.picture_coverage:.0f} %", one.words,
     ]  # fmt: skip
 
 
@@ -140,7 +142,7 @@ def write(output: Path, verdicts: list[Verdict]) -> None:
                 [a + 2 * b for a, b in zip(shares, errors, strict=True)]) if noisy else None),
         section("All figures", table(list(HEAD), [cells(one) for one in verdicts])),
         paragraph("too low: the error was above the band; too high: below it, the renderer was too cautious. width: "
-                  "high / low of a tile's band, median."),
+                  "high / low of a tile's band, median; open where that reaches down to 0."),
         paragraph(command),
     ]  # fmt: skip
     write_page(output / "audit.html", page("Audit of the error bands", *body, lead="many seeds, converged references"))
