@@ -12,6 +12,7 @@
 
 #define FAR_PAD 32u
 #define FAR_SCALE 1.0000019f    // 1 + 32 roundings: what FAR_PAD comes to at least
+#define SLOWEST 7.5231638e-37f  // 2^-120, of the extent: slower components count as none, for their reciprocal overflows
 #define NEAR_SCALE 0.9999986f   // 1 - 24 roundings, room for how a triangle's t errs: before it no t counts
 
 typedef struct {
@@ -37,18 +38,24 @@ static void borrow_moving_axis(const uint axis, const int4 still, SlabRay *s)
     s->rows = still ? (uint4)(row) : s->rows;
 }
 
-// Components so small that their reciprocal overflows over the scene's extent count as none.
+// Of a ray that moves along all axes; inverse is 1/d, shift -o/d, never -0.
+static void set_slab(const float4 o, const float4 inverse, const float4 shift, SlabRay *s)
+{
+    s->inverse = inverse;
+    s->shift = shift;
+    s->o = o;
+    s->flip = (as_uint4(inverse) >> 31u) * ROW;
+    s->rows = (uint4)(0u, 2u * ROW, 4u * ROW, 0u) + s->flip;
+    s->still = 0u;
+}
+
 static SlabRay slab_ray(const TraceRay ray)
 {
-    const float smallest = max_of(ray.extent, 1.0f) * 7.5231638e-37f;  // 2^-120
+    const float smallest = max_of(ray.extent, 1.0f) * SLOWEST;
     const int4 still = abs4(ray.d) < (float4)(smallest);
     const float4 inverse = still ? (float4)(0.0f) : (float4)(1.0f) / ray.d;
     SlabRay s;
-    s.inverse = inverse;
-    s.shift = -ray.o * inverse + (float4)(0.0f);
-    s.o = ray.o;
-    s.flip = (as_uint4(inverse) >> 31u) * ROW;
-    s.rows = (uint4)(0u, 2u * ROW, 4u * ROW, 0u) + s.flip;
+    set_slab(ray.o, inverse, -ray.o * inverse + (float4)(0.0f), &s);
     s.still = (uint)((still.x & 1) | (still.y & 2) | (still.z & 4));
     if (s.still != 0u) {
         borrow_moving_axis(ray.axis, still, &s);

@@ -134,9 +134,60 @@ static void trace_alone(const Geometry g, Packet *p, const uint i, const int any
         set_lane8(p->t_unit, i, 1.0f);
         set_lane8(p->u, i, hit.u);
         set_lane8(p->v, i, hit.v);
+        set_lane8(p->sum, i, 1.0f);
         set_lane_int8(p->prim, i, best.prim);
     }
 }
+
+#if PLAIN_FIRST
+// The box around a triangle, rounded outward as box_met does it.
+static PacketBox triangle_box(const Packet *p, const Geometry g, const uint place)
+{
+    float rows[48];
+    global const float *values = (global const float *)(g.blocks + (place >> 3)) + (place & 7u);
+    for (uint axis = 0u; axis < 3u; axis++) {
+        const float a = values[8u * axis];
+        const float b = values[8u * axis + 24u];
+        const float c = values[8u * axis + 48u];
+        const float low = min_of(a, min_of(b, c));
+        const float high = max_of(a, max_of(b, c));
+        rows[16u * axis] = low - abs_of(low) * UNIT_ROUNDOFF;
+        rows[16u * axis + 8u] = high + abs_of(high) * UNIT_ROUNDOFF;
+    }
+    const PacketBox box = PACKET_BOX(p, rows, 0u);
+    return box;
+}
+
+// Rays whose winner by plain t is not what exact candidates give (leaf.cl: stands), eight at a time.
+static ulong unsettled(const Geometry g, const Packet *p)
+{
+    ulong rays = 0ul;
+    for (uint group = 0u; group < PACKET_GROUPS; group++) {
+        const int8 winners = as_uint8(p->prim[group]) < (uint8)(g.triangle_count);
+        uint left = movemask8(winners) & (uint)(p->together >> (8u * group)) & 0xffu;
+        while (left != 0u) {
+            const uint place = lane_of_int8(p->place, 8u * group + ctz_of(left));
+            const uint same = movemask8(p->place[group] == (int8)((int)place)) & left;
+            float8 enter;
+            const PacketBox box = triangle_box(p, g, place);
+            const int8 met = box_met_by8(p, group, box, p->mixed, &enter);
+            rays |= (ulong)(same & ~movemask8(met & (p->t[group] >= enter * NEAR_SCALE))) << (8u * group);
+            left &= ~same;
+        }
+    }
+    return rays;
+}
+
+// Traces these rays once more, exactly.
+static void settle_packet(const Geometry g, Packet *p)
+{
+    for (ulong rays = unsettled(g, p); rays != 0ul; rays &= rays - 1ul) {
+        const uint i = lowest_ray(rays);
+        set_lane_int8(p->prim, i, NONE);
+        trace_alone(g, p, i, 0);
+    }
+}
+#endif
 
 // All rays one by one, which ask for any hit.
 static void trace_unlike(const Geometry g, Packet *p, const uint count)
@@ -181,6 +232,11 @@ static void trace_packet(const Geometry g, Packet *p, global const uint *slots, 
     }
 #endif
     trace_packet_tree(g, p, any);
+#if PLAIN_FIRST
+    if (!any) {
+        settle_packet(g, p);
+    }
+#endif
 }
 
 // Whether a ray met anything.
@@ -193,8 +249,8 @@ static Hit packet_hit(const Packet *p, const uint ray)
     const int met = packet_met(p, ray);
     Hit hit;
     hit.t = met ? lane_of8(p->t, i) * lane_of8(p->t_unit, i) : lane_of8(p->t_given, i);
-    hit.u = met ? lane_of8(p->u, i) : 0.0f;
-    hit.v = met ? lane_of8(p->v, i) : 0.0f;
+    hit.u = met ? lane_of8(p->u, i) / lane_of8(p->sum, i) : 0.0f;
+    hit.v = met ? lane_of8(p->v, i) / lane_of8(p->sum, i) : 0.0f;
     hit.prim = lane_of_int8(p->prim, i);
     return hit;
 }

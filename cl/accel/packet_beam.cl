@@ -51,17 +51,16 @@ static int look_alike(const Packet *p, const uint count)
     for (uint lane = 0u; lane < 8u; lane++) {
         rows[lane] = *(global const float8 *)(p->rays + p->slots[9u * lane < count ? 9u * lane : 0u]);
     }
-    transpose8(rows);
-    const float8 longest = max8(max8(abs8(rows[4]), abs8(rows[5])), abs8(rows[6]));
-    for (uint k = 4u; k < 7u; k++) {
-        rows[k] = rows[k] / longest;
-    }
-    const uint main = main_axis(rows + 4, rows + 4);
+    Rows8 origin, direction;
+    columns_of8(rows, &origin, &direction);
+    const float8 longest = max8(max8(abs8(direction.x), abs8(direction.y)), abs8(direction.z));
+    const float8 d[3] = {direction.x / longest, direction.y / longest, direction.z / longest};
+    const uint main = main_axis(d, d);
     if (main == 3u) {
         return 0;
     }
     for (uint k = 1u; k < 3u; k++) {
-        const float8 slope = rows[4u + (main + k) % 3u] / rows[4u + main];
+        const float8 slope = d[(main + k) % 3u] / d[main];
         if (!(largest8(slope) - smallest8(slope) <= WIDEST_BEAM_ANY)) {
             return 0;
         }
@@ -133,7 +132,9 @@ ALWAYS_INLINE static uint beam_boxes8(const Beam *b, const BeamRows r, const flo
     const float8 b_low = fma8(u_low, (float8)(b->low_rising[1]), fma8(u_high, (float8)(b->low_falling[1]), (float8)(b->low[1])));
     const float8 b_high = fma8(u_high, (float8)(b->high_rising[1]), fma8(u_low, (float8)(b->high_falling[1]), (float8)(b->high[1])));
     *enter = u_low * b->inverse_high;
-    return movemask8((u_low <= u_high) & (a_low <= r.high_a) & (a_high >= r.low_a) & (b_low <= r.high_b) & (b_high >= r.low_b));
+    const int8 misses = as_int8(u_high - u_low) | as_int8(r.high_a - a_low) | as_int8(a_high - r.low_a) |
+                        as_int8(r.high_b - b_low) | as_int8(b_high - r.low_b);  // where any is negative
+    return movemask8(misses < 0) ^ ALL_LANES;
 }
 
 ALWAYS_INLINE static BeamRows node_rows(const Beam *b, global const Node *node)

@@ -8,30 +8,6 @@
 // at a time. Shapes: ray by ray, by the function of the single rays.
 
 #if HAS_TRIANGLES
-// One triangle, its components in the order of the rays' axes, as eight rays see it: as triangles_met8 shears eight.
-ALWAYS_INLINE static Sheared8 sheared_for8(const Packet *p, const uint group, const float3 a, const float3 b,
-                                           const float3 c)
-{
-    const float8 scale = p->scale[group];
-    const float8 scale_z = p->scale_z[group];
-    const float8 shear_x = p->shear_x[group];
-    const float8 shear_y = p->shear_y[group];
-    const float8 shift_x = p->shift_x[group];
-    const float8 shift_y = p->shift_y[group];
-    const float8 shift_z = p->shift_z[group];
-    Sheared8 v;
-    v.az = fma8((float8)(a.z), scale_z, shift_z);
-    v.bz = fma8((float8)(b.z), scale_z, shift_z);
-    v.cz = fma8((float8)(c.z), scale_z, shift_z);
-    v.ax = fma8(v.az, shear_x, fma8((float8)(a.x), scale, shift_x));
-    v.ay = fma8(v.az, shear_y, fma8((float8)(a.y), scale, shift_y));
-    v.bx = fma8(v.bz, shear_x, fma8((float8)(b.x), scale, shift_x));
-    v.by = fma8(v.bz, shear_y, fma8((float8)(b.y), scale, shift_y));
-    v.cx = fma8(v.cz, shear_x, fma8((float8)(c.x), scale, shift_x));
-    v.cy = fma8(v.cz, shear_y, fma8((float8)(c.y), scale, shift_y));
-    return v;
-}
-
 // As lane_corner, with the rows apart.
 ALWAYS_INLINE static float3 lane_corner3(global const char *lane, const uint x, const uint y, const uint z)
 {
@@ -39,39 +15,87 @@ ALWAYS_INLINE static float3 lane_corner3(global const char *lane, const uint x, 
                     *(global const float *)(lane + z));
 }
 
-// A triangle and the rays of a group, for those of them that are longest along `axis`: who meets it takes it if it is
-// better: triangle_t and better. The weights u and v are hit_of's.
-ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint axis, global const char *lane,
-                                         const uint prim, private const float *rows, const int any)
+ALWAYS_INLINE static uint row_after(const uint axis) { return axis == 2u ? 0u : (axis + 1u) * ROW; }
+ALWAYS_INLINE static uint row_before(const uint axis) { return axis == 0u ? 2u * ROW : (axis - 1u) * ROW; }
+
+// One triangle as eight rays see it that are longest along `axis`: as triangles_met8 shears eight.
+ALWAYS_INLINE static void shear_for8(const Packet *p, const uint group, const uint axis, global const char *lane,
+                                     Sheared8 *v)
 {
-    const uint x = axis == 2u ? 0u : (axis + 1u) * ROW;
-    const uint y = axis == 0u ? 2u * ROW : (axis - 1u) * ROW;
-    const Sheared8 s = sheared_for8(p, group, lane_corner3(lane, x, y, axis * ROW),
-                                    lane_corner3(lane + 3u * ROW, x, y, axis * ROW),
-                                    lane_corner3(lane + 6u * ROW, x, y, axis * ROW));
+    const uint x = row_after(axis);
+    const uint y = row_before(axis);
+    const float3 a = lane_corner3(lane, x, y, axis * ROW);
+    const float3 b = lane_corner3(lane + 3u * ROW, x, y, axis * ROW);
+    const float3 c = lane_corner3(lane + 6u * ROW, x, y, axis * ROW);
+    const float8 scale = p->scale[group];
+    const float8 scale_z = p->scale_z[group];
+    const float8 shear_x = p->shear_x[group];
+    const float8 shear_y = p->shear_y[group];
+    const float8 shift_x = p->shift_x[group];
+    const float8 shift_y = p->shift_y[group];
+    const float8 shift_z = p->shift_z[group];
+    v->az = fma8((float8)(a.z), scale_z, shift_z);
+    v->bz = fma8((float8)(b.z), scale_z, shift_z);
+    v->cz = fma8((float8)(c.z), scale_z, shift_z);
+    v->ax = fma8(v->az, shear_x, fma8((float8)(a.x), scale, shift_x));
+    v->ay = fma8(v->az, shear_y, fma8((float8)(a.y), scale, shift_y));
+    v->bx = fma8(v->bz, shear_x, fma8((float8)(b.x), scale, shift_x));
+    v->by = fma8(v->bz, shear_y, fma8((float8)(b.y), scale, shift_y));
+    v->cx = fma8(v->cz, shear_x, fma8((float8)(c.x), scale, shift_x));
+    v->cy = fma8(v->cz, shear_y, fma8((float8)(c.y), scale, shift_y));
+}
+
+// Where a triangle's own box is met by rays of the group that meet it at t: that t, or later, and elsewhere -1: corners_t.
+ALWAYS_INLINE static float8 boxed_t8(const Packet *p, const uint group, const float8 t, private const float *rows)
+{
+    float8 enter;
+    const PacketBox box = PACKET_BOX(p, rows, 0u);
+    const int8 met = box_met_by8(p, group, box, p->mixed, &enter);
+    return met ? max8(t, enter * NEAR_SCALE) : (float8)(NO_HIT);
+}
+
+// inside_edges8, denied: what is below 0 in lanes whose ray does not pass the triangle. Signs are joined here rather than
+// truths: those that outlive a branch are narrowed to 16 bits by compilers, and widened again.
+ALWAYS_INLINE static int8 outside_edges8(const Edges8 e)
+{
+    const float8 least = max8(min8(min8(e.u, e.v), e.w), -max8(max8(e.u, e.v), e.w));
+    return as_int8(least + 0.0f) | ((as_int8(e.sum) & 0x7fffffff) - 1);
+}
+
+// A triangle, sheared, and the rays of a group, for those of them that are longest along `axis`: who meets it takes it if
+// it is better. Its own box (`rows`) is left to settle_packet where `plain`. The weights u and v are hit_of's.
+ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint axis, const Sheared8 s,
+                                         const uint prim, const uint place, private const float *rows, const int any)
+{
     Edges8 e;
     edges_of8(s, &e);
-    int8 met = inside_edges8(e);
-    if (movemask8(met) == 0u) {  // half of all cases: known before the division is done
+    const int8 outside = outside_edges8(e);
+    if (movemask8(outside < 0) == ALL_LANES) {  // half of all cases: known before the division is done
         return 0;
     }
     const float8 depth = depth_between8(s, e);
-    met &= (depth >= (float8)(0.0f)) & (depth <= p->t[group] * p->length_z[group] * FAR_SCALE);
-    float8 enter;
-    const PacketBox box = PACKET_BOX(p, rows, 0u);
-    met &= box_met_by8(p, group, box, p->mixed, &enter);
-    const float8 t = max8(depth / p->length_z[group], enter * NEAR_SCALE);
-    const int8 best = p->prim[group];
-    const int8 lower = as_uint8(best) > (uint8)(prim);
-    met &= (p->skip[group] != (int)prim) & (p->axis[group] == (int)axis);
-    met &= (t < p->t[group]) | ((t == p->t[group]) & lower);
-    p->t[group] = met ? (any ? (float8)(DONE) : t) : p->t[group];
-    p->prim[group] = met ? (int8)((int)prim) : best;
-    if (!any) {
-        p->u[group] = met ? e.v / e.sum : p->u[group];
-        p->v[group] = met ? e.w / e.sum : p->v[group];
+    const float8 limit = p->t[group];
+    float8 t = depth / p->length_z[group] + 0.0f;
+    const int exact = any | !PLAIN_FIRST;
+    if (exact) {
+        t = boxed_t8(p, group, t, rows);
     }
-    return movemask8(met) != 0u;
+    const int8 farthest = as_int8(limit * p->length_z[group] * FAR_SCALE);
+    const int8 deep = as_int8(depth + 0.0f);
+    const int8 best = p->prim[group];
+    const int8 tied = (as_int8(t) == as_int8(limit)) & (as_uint8(best) > (uint8)(prim));
+    const int8 better = (as_int8(t) - as_int8(limit)) | tied;
+    const int8 fails = outside | deep | farthest | (farthest - deep) | as_int8(t) | ~better |
+                       (p->skip[group] == (int)prim) | (p->axis[group] != (int)axis);
+    p->t[group] = fails < 0 ? limit : (any ? (float8)(DONE) : t);
+    p->prim[group] = fails < 0 ? best : (int8)((int)prim);
+    if (!any) {
+        p->u[group] = fails < 0 ? p->u[group] : e.v;
+        p->v[group] = fails < 0 ? p->v[group] : e.w;
+        p->sum[group] = fails < 0 ? p->sum[group] : e.sum;
+        p->place[group] = fails < 0 ? p->place[group] : (int8)((int)place);
+    }
+    return movemask8(fails < 0) != ALL_LANES;
 }
 
 // Boxes of a block's triangles, rounded outward as box_met does it: rows as of a node.
@@ -95,7 +119,8 @@ static int visit_packet_block(const Geometry g, Packet *p, const uint child, con
 {
     float8 rows[6];
     uint pairs[8u * PACKET_GROUPS];
-    global const Block *block = g.blocks + ((child & CHILD_BLOCK_MASK) >> 3);
+    const uint index = (child & CHILD_BLOCK_MASK) >> 3;
+    global const Block *block = g.blocks + index;
     triangle_boxes8(block, rows);
     const Beam *b = &p->beam;
     const uint side_a = b->side[0] / ROW;
@@ -122,7 +147,11 @@ static int visit_packet_block(const Geometry g, Packet *p, const uint child, con
         }
 #endif
         for (uint axes = p->axes[group]; axes != 0u; axes &= axes - 1u) {
-            found |= visit_triangle8(p, group, ctz_of(axes), at, prim, (private const float *)rows + lane, any);
+            const uint axis = ctz_of(axes);
+            Sheared8 sheared;
+            shear_for8(p, group, axis, at, &sheared);
+            found |= visit_triangle8(p, group, axis, sheared, prim, index * 8u + lane,
+                                     (private const float *)rows + lane, any);
         }
     }
     return found;
@@ -164,6 +193,7 @@ static int visit_packet_shape(const Geometry g, Packet *p, const uint index, ulo
             set_lane8(p->t, i, any ? DONE : best.t);
             set_lane8(p->u, i, hit.u);
             set_lane8(p->v, i, hit.v);
+            set_lane8(p->sum, i, 1.0f);
             set_lane_int8(p->prim, i, best.prim);
             found = 1;
         }

@@ -6,13 +6,13 @@
 #include "accel/watertight.cl"
 #include "accel/leaf.cl"
 #include "accel/traverse.cl"
+#include "accel/rays8.cl"
 // 64 neighbouring rays, eight groups of eight, set up eight at a time. Every number of a ray here is that of
 // prepare_ray, slab_ray and shear_of, lane by lane, so that both variants of the traversal give the same bits.
 
 #define PACKET_GROUPS 8u
 #define PACKET_RAYS (8u * PACKET_GROUPS)
 #define DONE -1.0f  // t of rays that are no rays, and of those that asked for any hit and have it: they meet no box
-#define LARGEST 3.4028235e38f
 #define FEWEST_TOGETHER 9u  // rays; fewer are traced one by one
 
 // All rays of a packet advance along one axis, the main one, in the same sense. u is the distance along it from where
@@ -37,7 +37,7 @@ typedef struct {
     float8 t[PACKET_GROUPS];       // of the best hit so far, or t_max, or DONE
     float8 t_unit[PACKET_GROUPS];  // times a scaled t gives the ray's own t
     float8 t_given[PACKET_GROUPS];
-    float8 u[PACKET_GROUPS], v[PACKET_GROUPS];
+    float8 u[PACKET_GROUPS], v[PACKET_GROUPS], sum[PACKET_GROUPS];  // weights of the hit: u and v over the sum
 #if HAS_TRIANGLES
     float8 shear_x[PACKET_GROUPS], shear_y[PACKET_GROUPS], scale[PACKET_GROUPS], scale_z[PACKET_GROUPS];
     float8 length_z[PACKET_GROUPS], shift_x[PACKET_GROUPS], shift_y[PACKET_GROUPS], shift_z[PACKET_GROUPS];
@@ -45,6 +45,7 @@ typedef struct {
     uint axes[PACKET_GROUPS];  // bits 0 to 2: directions of rays of the group are longest along that axis
 #endif
     int8 skip[PACKET_GROUPS], prim[PACKET_GROUPS];
+    int8 place[PACKET_GROUPS];  // of a triangle: as Closest has it
     uint groups[PACKET_GROUPS];  // those with rays that may still meet something
     uint group_count;
     uint flip[3];    // 8 where a direction is negative along an axis: floats from a node's near row to its far one
@@ -66,9 +67,7 @@ typedef struct {
     float8 d_low[3], d_high[3], o_low[3], o_high[3], extent;
 } Bounds8;
 
-static float lane_of8(private const float8 *values, const uint i) { return ((private const float *)values)[i]; }
 static void set_lane8(private float8 *values, const uint i, const float x) { ((private float *)values)[i] = x; }
-static uint lane_of_int8(private const int8 *values, const uint i) { return ((private const uint *)values)[i]; }
 static void set_lane_int8(private int8 *values, const uint i, const uint x) { ((private uint *)values)[i] = x; }
 
 // Rays come in rows of eight pixels; a group has four pixels of two rows, which are closer together. The place of a ray
@@ -77,106 +76,43 @@ static uint swapped(const uint i) { return (i & ~12u) | ((i & 4u) << 1) | ((i & 
 
 static float smallest8(const float8 v) { return -largest8(-v); }
 
-// Records Ray of eight rays, one a vector, become their components.
-ALWAYS_INLINE static void transpose8(float8 *r)
+// The rays of a group, given as rows of their records.
+ALWAYS_INLINE static void set_group(Packet *p, const uint group, const float8 *rows, Bounds8 *all)
 {
-    float8 s[8];
-    float8 q[8];
-    for (uint i = 0u; i < 8u; i += 2u) {
-        const float8 a = r[i];
-        const float8 b = r[i + 1u];
-        s[i] = (float8)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5);
-        s[i + 1u] = (float8)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
-    }
-    for (uint i = 0u; i < 8u; i += 4u) {
-        for (uint k = 0u; k < 2u; k++) {
-            const float8 a = s[i + k];
-            const float8 b = s[i + k + 2u];
-            q[i + 2u * k] = (float8)(a.s01, b.s01, a.s45, b.s45);
-            q[i + 2u * k + 1u] = (float8)(a.s23, b.s23, a.s67, b.s67);
-        }
-    }
-    for (uint i = 0u; i < 4u; i++) {
-        r[i] = (float8)(q[i].lo, q[i + 4u].lo);
-        r[i + 4u] = (float8)(q[i].hi, q[i + 4u].hi);
-    }
-}
-
-static int8 larger_int8(const int8 a, const int8 b) { return a > b ? a : b; }
-
-#if HAS_TRIANGLES
-// shear_of, with the same names.
-ALWAYS_INLINE static void set_shears(Packet *p, const uint group, const float8 *o, const float8 *d,
-                                     const float8 *inverse, const float8 extent, const int8 axis)
-{
-    const int8 x_main = axis == 0;
-    const int8 y_main = axis == 1;
-    const float8 d_z = x_main ? d[0] : (y_main ? d[1] : d[2]);
-    const float8 towards = -abs8(x_main ? inverse[0] : (y_main ? inverse[1] : inverse[2])) * FROM_DEPTH;
-    const float8 to_one = as_float8(0x7f000000 - (as_int8(extent) & 0x7f800000));
-    const float8 scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : (float8)(SCALE_MOST);
-    const float8 scale_z = as_float8(as_int8(scale * TO_DEPTH) | (as_int8(d_z) & (int8)(0x80000000)));
-    p->scale[group] = scale;
-    p->scale_z[group] = scale_z;
-    p->shear_x[group] = (x_main ? d[1] : (y_main ? d[2] : d[0])) * towards;
-    p->shear_y[group] = (x_main ? d[2] : (y_main ? d[0] : d[1])) * towards;
-    p->length_z[group] = abs8(d_z) * (scale * TO_DEPTH);
-    p->shift_x[group] = -(x_main ? o[1] : (y_main ? o[2] : o[0])) * scale;
-    p->shift_y[group] = -(x_main ? o[2] : (y_main ? o[0] : o[1])) * scale;
-    p->shift_z[group] = -(x_main ? o[0] : (y_main ? o[1] : o[2])) * scale_z;
-}
-#endif
-
-// prepare_ray and slab_ray for the rays of a group, given as rows of their records.
-ALWAYS_INLINE static void set_group(Packet *p, const uint group, float8 *rows, Bounds8 *all)
-{
-    transpose8(rows);
-    const int8 size_x = as_int8(rows[4]) & 0x7fffffff;
-    const int8 size_y = as_int8(rows[5]) & 0x7fffffff;
-    const int8 size_z = as_int8(rows[6]) & 0x7fffffff;
-    const int8 longest = larger_int8(larger_int8(size_x, size_y), size_z);
-    const int8 remotest = larger_int8(larger_int8(as_int8(abs8(rows[0])), as_int8(abs8(rows[1]))),
-                                      as_int8(abs8(rows[2])));
-    const int8 t_max = as_int8(rows[7] + 0.0f);
-    const int8 usable = (longest >= (int)SMALLEST_NORMAL) & (longest < (int)HUGE_BITS) &
-                        (remotest <= (int)LIMIT_BITS) & (t_max >= 0) & (t_max < (int)INFINITY_BITS);
-    const float8 unit = as_float8(0x7f000000 - (longest & 0x7f800000));
-    const float8 extent = max8(max8((float8)(p->extent), usable ? as_float8(remotest) : (float8)(0.0f)),
-                               (float8)(float_of(SMALLEST_NORMAL)));
-    const float8 smallest = max8(extent, (float8)(1.0f)) * 7.5231638e-37f;  // as slab_ray
-    float8 o[3], d[3], inverse[3];
-    int8 together = usable;
+    Rays8 r;
+    set_up_rays8(p->extent, rows, &r);
+    const int8 together = r.moving;
     for (uint k = 0u; k < 3u; k++) {
-        o[k] = usable ? rows[k] : (float8)(0.0f);
-        d[k] = usable ? rows[4u + k] * unit : (float8)(1.0f);
-        together &= abs8(d[k]) >= smallest;
-        inverse[k] = (float8)(1.0f) / d[k];
-        all->d_low[k] = min8(all->d_low[k], together ? d[k] : (float8)(LARGEST));
-        all->d_high[k] = max8(all->d_high[k], together ? d[k] : (float8)(-LARGEST));
-        all->o_low[k] = min8(all->o_low[k], together ? o[k] : (float8)(LARGEST));
-        all->o_high[k] = max8(all->o_high[k], together ? o[k] : (float8)(-LARGEST));
+        all->d_low[k] = min8(all->d_low[k], together ? r.d[k] : (float8)(LARGEST));
+        all->d_high[k] = max8(all->d_high[k], together ? r.d[k] : (float8)(-LARGEST));
+        all->o_low[k] = min8(all->o_low[k], together ? r.o[k] : (float8)(LARGEST));
+        all->o_high[k] = max8(all->o_high[k], together ? r.o[k] : (float8)(-LARGEST));
+        p->d[k][group] = r.d[k];
+        p->inverse[k][group] = r.inverse[k];
+        p->shift[k][group] = r.shift[k];
     }
-    for (uint k = 0u; k < 3u; k++) {
-        p->d[k][group] = d[k];
-        p->inverse[k][group] = inverse[k];
-        p->shift[k][group] = -o[k] * inverse[k] + 0.0f;
-    }
-    all->extent = max8(all->extent, extent);
-    const float8 t = min8(as_float8(t_max) * as_float8(longest & 0x7f800000), (float8)(LARGEST));
-    p->t[group] = together ? t : (float8)(DONE);
-    p->t_unit[group] = unit;
-    p->t_given[group] = rows[7];
-    p->skip[group] = as_int8(rows[3]);
+    all->extent = max8(all->extent, r.extent);
+    p->t[group] = together ? r.t_max : (float8)(DONE);
+    p->t_unit[group] = r.t_unit;
+    p->t_given[group] = r.t_given;
+    p->skip[group] = r.skip;
     p->prim[group] = (int8)((int)NONE);
-    p->usable |= (ulong)movemask8(usable) << (8u * group);
+    p->sum[group] = (float8)(1.0f);
+    p->usable |= (ulong)movemask8(r.usable) << (8u * group);
     p->together |= (ulong)movemask8(together) << (8u * group);
 #if HAS_TRIANGLES
-    const int8 axis = size_x == longest ? (int8)(0) : (size_y == longest ? (int8)(1) : (int8)(2));
-    p->axis[group] = axis;
-    p->axes[group] = (movemask8((axis == 0) & together) != 0u ? 1u : 0u) |
-                     (movemask8((axis == 1) & together) != 0u ? 2u : 0u) |
-                     (movemask8((axis == 2) & together) != 0u ? 4u : 0u);
-    set_shears(p, group, o, d, inverse, extent, axis);
+    p->axis[group] = r.axis;
+    p->axes[group] = (movemask8((r.axis == 0) & together) != 0u ? 1u : 0u) |
+                     (movemask8((r.axis == 1) & together) != 0u ? 2u : 0u) |
+                     (movemask8((r.axis == 2) & together) != 0u ? 4u : 0u);
+    p->shear_x[group] = r.shear_x;
+    p->shear_y[group] = r.shear_y;
+    p->scale[group] = r.scale;
+    p->scale_z[group] = r.scale_z;
+    p->length_z[group] = r.length_z;
+    p->shift_x[group] = r.shift_x;
+    p->shift_y[group] = r.shift_y;
+    p->shift_z[group] = r.shift_z;
 #endif
 }
 

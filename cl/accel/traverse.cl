@@ -241,11 +241,7 @@ static Closest trace(const Geometry g, Query *q, const int any)
     if (any && best.prim != NONE) {
         return best;
     }
-#if HAS_LEAKY
-    q->exact = 0;
-    trace_all(g, q, any, &best);
-    return best;
-#elif PLAIN_FIRST
+#if PLAIN_FIRST && !HAS_LEAKY
     for (q->exact = any;; q->exact = 1) {
         trace_all(g, q, any, &best);
         if (q->exact || stands(g, q, &best)) {
@@ -259,20 +255,25 @@ static Closest trace(const Geometry g, Query *q, const int any)
 #endif
 }
 
+static void begin_query(Query *q)
+{
+#if HAS_INSTANCES
+    q->first = 0u;
+    q->least = 0.0f;
+#endif
+    q->exact = !HAS_LEAKY;
+}
+
 static int prepare_query(const float extent, const Ray ray, Query *q)
 {
     if (!prepare_ray(extent, ray, &q->ray)) {
         return 0;
     }
-#if HAS_INSTANCES
-    q->first = 0u;
-    q->least = 0.0f;
-#endif
     q->slab = slab_ray(q->ray);
 #if HAS_TRIANGLES
     q->shear = shear_of(q->ray, q->slab.inverse);
 #endif
-    q->exact = 1;
+    begin_query(q);
     return 1;
 }
 

@@ -25,6 +25,13 @@ typedef struct {
     float3 shift;    // minus the scaled origin
 } Shear;
 
+// Of a ray whose main axis is z.
+static uint4 shear_rows(const uint z)
+{
+    const uint x = z == 2u ? 0u : z + 1u;
+    return (uint4)(x, x == 2u ? 0u : x + 1u, z, 0u) * ROW;
+}
+
 // `inverse` is 1/d.
 static Shear shear_of(const TraceRay ray, const float4 inverse)
 {
@@ -40,7 +47,7 @@ static Shear shear_of(const TraceRay ray, const float4 inverse)
     const float towards = -abs_of(inverses[z]) * FROM_DEPTH;
     const float to_one = scale_to_one(ray.extent);
     Shear s;
-    s.rows = (uint4)(x, y, z, 0u) * ROW;
+    s.rows = shear_rows(z);
     s.scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
     s.scale_z = float_of(bits_of(s.scale * TO_DEPTH) | (bits_of(d[z]) & 0x80000000u));
     s.shear_x = d[x] * towards;
@@ -87,14 +94,15 @@ ALWAYS_INLINE static float8 depth_between8(const Sheared8 s, const Edges8 e)
     return s.az + fma8(e.v, s.bz - s.az, e.w * (s.cz - s.az)) / e.sum;
 }
 
-// Lanes in which the ray meets the triangle at a scaled depth in [0, limit], and those depths.
-ALWAYS_INLINE static int8 sheared_met8(const Sheared8 s, const float8 limit, float8 *depth)
+// Mask of the lanes in which the ray meets the triangle at a scaled depth in [0, limit], and those depths. Conditions are
+// joined as bits: joined as vectors they are narrowed first, and the branch that follows waits for that.
+ALWAYS_INLINE static uint sheared_met8(const Sheared8 s, const float8 limit, float8 *depth)
 {
     Edges8 e;
     edges_of8(s, &e);
     const float8 z = depth_between8(s, e);
     *depth = z;
-    return inside_edges8(e) & (z >= (float8)(0.0f)) & (z <= limit);
+    return movemask8(inside_edges8(e)) & movemask8((z >= (float8)(0.0f)) & (z <= limit));
 }
 
 // Mask of the block's triangles that the ray meets at a scaled depth in [0, limit], and those depths.
@@ -117,7 +125,7 @@ static uint triangles_met8(global const Block *block, const Shear s, const float
     v.by = fma8(v.bz, shear_y, fma8(row_at(b, s.rows.y), scale, (float8)(s.shift.y)));
     v.cx = fma8(v.cz, shear_x, fma8(row_at(c, s.rows.x), scale, (float8)(s.shift.x)));
     v.cy = fma8(v.cz, shear_y, fma8(row_at(c, s.rows.y), scale, (float8)(s.shift.y)));
-    return movemask8(sheared_met8(v, (float8)(limit), depth));
+    return sheared_met8(v, (float8)(limit), depth);
 }
 
 // The same for one triangle whose vertices' components are already in the order of the shear's axes: edge functions in

@@ -172,6 +172,8 @@ static float4 float4_of(const int4 x)
 #endif
 }
 
+#define ALL_LANES 0xffu
+
 // Bit k is set where lane k of a comparison's result is true.
 static uint movemask8(const int8 lanes)
 {

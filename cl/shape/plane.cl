@@ -4,6 +4,8 @@
 // Infinite plane: center is a point of it, w its unit normal, u and v unit tangents.
 
 #define PARALLEL 1e-30f  // a smaller cosine meets the plane beyond every coordinate; also above denormals
+#define ON_PLANE 4.7019774e-38f  // 2^-124. A smaller height is none: cosines are below 4, so that no t is a denormal,
+                                 // which some devices flush to a 0 that is met
 
 // Signed distance of p from the plane, exact to the last digits whatever cancels.
 static float plane_height(global const Shape *s, const float3 p) { return dot3_exact(xyz(s->w), p - xyz(s->center)); }
@@ -14,7 +16,8 @@ static float plane_intersect(global const Shape *s, const float3 o, const float3
     if (!(abs_of(slope) > PARALLEL)) {
         return NO_HIT;
     }
-    const float t = -plane_height(s, o) / slope;
+    const float height = plane_height(s, o);
+    const float t = abs_of(height) < ON_PLANE ? 0.0f : -height / slope;
     return t >= 0.0f && t <= t_max ? abs_of(t) : NO_HIT;
 }
 

@@ -3,6 +3,7 @@
 #include "base/vector.cl"
 #include "accel/geometry.cl"
 #include "accel/traverse.cl"
+#include "accel/queries8.cl"
 #include "accel/unblocked.cl"
 #include "wave/path.cl"
 
@@ -22,6 +23,9 @@ kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
     const Geometry g = GEOMETRY_AND_MASKS;
     const float extent = geometry_extent(g);
     const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
+#if !DEVICE_GPU && !HAS_OPACITY
+    Batch batch;
+#endif
     for (uint i = begin; i < end; i++) {
         const uint slot = queue[i];
         const uint later = queue[i + LOOK_AHEAD < count ? i + LOOK_AHEAD : i];
@@ -34,7 +38,16 @@ kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
             samples[bits_of(light.w)] += make4(xyz(light) * share, 0.0f);
         }
 #else
-        if (!any_within(g, extent, shadow_rays[slot])) {
+#if DEVICE_GPU
+        const int met = any_within(g, extent, shadow_rays[slot]);
+#else
+        const uint k = (i - begin) % RAYS_AT_ONCE;
+        if (k == 0u) {
+            set_up_batch(extent, shadow_rays, queue + i, end - i, &batch);
+        }
+        const int met = any_of_batch(g, extent, &batch, k, shadow_rays + slot);
+#endif
+        if (!met) {
             const float4 light = shadow_light[slot];
             samples[bits_of(light.w)] += make4(xyz(light), 0.0f);
         }

@@ -177,6 +177,27 @@ def test_one_crash_is_tried_again_and_two_are_an_error(device: Device, monkeypat
     children.close()
 
 
+def test_children_that_leave_after_a_rest_cost_no_build(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All idle ones leave at the same time, which is between a look at them and the next program for once."""
+    if device.kind != "pocl":
+        pytest.skip("only PoCL compiles in children")
+    children = Children(device.info)
+    idle = [Worker(device.info) for _ in range(2)]
+    for worker in idle:
+        children._idle.put(worker)
+        worker._process.kill()
+        worker._process.wait()
+    monkeypatch.setattr(Worker, "stays", True)
+    assert children.compile("number", TEXT, device.options).binary
+    monkeypatch.undo()
+    rested = Worker(device.info)
+    assert rested.stays
+    monkeypatch.setattr("raytide.device.worker._IDLE_S", 0.0)
+    assert rested.alive and not rested.stays
+    rested.close()
+    children.close()
+
+
 SLOW = """
 import sys, time, hashlib
 from raytide.device import open_device

@@ -25,13 +25,17 @@ def scene() -> rt.Scene:
 def rendered(device: Device, name: str, place: str, fault: str) -> tuple[rt.Film, dict[str, object]]:
     """A picture of kernels in which `place` reads `fault`."""
 
+    found = []
+
     def broken(text: str) -> str:
+        found.append(place in text)
         return text.replace(place, fault)
 
     other = VariantDevice(device, Variant(name, name, broken))
     try:
         with rt.Renderer(scene(), other, spp=16, max_depth=3) as renderer:
             film = renderer.render()
+            assert any(found), f"no program reads {place!r} any more"
             return film, renderer.report()
     finally:
         other.close()
@@ -40,9 +44,8 @@ def rendered(device: Device, name: str, place: str, fault: str) -> tuple[rt.Film
 FAULTS = {  # by origin: what is written instead, the fault's label, the share of samples that it spoils
     "onward": ("out.pdf = out.wi.z * INVERSE_PI;", f"out.pdf = u.x < 0.25f ? {NAN} : out.wi.z * INVERSE_PI;",
                "onward[1] non_finite", 0.25),
-    "way": ("out.ray.direction = make4(wi, T_MAX_FREE);\n    out.valid",
-            f"out.ray.direction = make4(u.x < 0.25f ? wi * {NAN} : wi, T_MAX_FREE);\n    out.valid",
-            "onward[1] non_finite", 0.25),
+    "way": ("out.ray = ray_from(v, wi, wi, 1);", "out.ray = ray_from(v, wi, wi, 1);\n"
+            f"    out.ray.direction.x = u.x < 0.25f ? {NAN} : out.ray.direction.x;", "onward[1] non_finite", 0.25),
     "direct": ("out.light = xyz(v->state) * bsdf.value", "out.light = -xyz(v->state) * bsdf.value",
                "direct[1] negative", None),
     "camera": ("ray.direction.w = inside", f"ray.direction.x = u.z < 0.5f ? {NAN} : ray.direction.x;\n"

@@ -30,13 +30,13 @@ class Children:
             if self._stopped:
                 raise
             log.warning("%s; trying once more", death)
-        with self._worker() as worker:
+        with self._worker(fresh=True) as worker:
             return worker.compile(name, text, options)
 
     @contextmanager
-    def _worker(self) -> Iterator[Worker]:
-        """An idle child that still lives, or a new one; a broken one is not kept."""
-        worker = self._waiting() or Worker(self._info)
+    def _worker(self, fresh: bool = False) -> Iterator[Worker]:
+        """An idle child that stays, or a new one; a broken one is not kept."""
+        worker = (None if fresh else self._waiting()) or Worker(self._info)
         self._busy.add(worker)
         try:
             yield worker
@@ -57,9 +57,9 @@ class Children:
                 worker = self._idle.get_nowait()
             except queue.Empty:
                 return None
-            if worker.alive:
+            if worker.stays:
                 return worker
-            worker.close()  # it left after a while without work
+            worker.close()  # it left after a while without work, or is about to
 
     def stop(self) -> None:
         """After Ctrl-C: end the children at once, or the process would wait for them."""

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -44,6 +45,7 @@ class Worker:
 
     def __init__(self, info: DeviceInfo) -> None:
         self.info = info
+        self._idle_since = time.monotonic()
         self._stderr = tempfile.TemporaryFile()
         environment = dict(os.environ)
         if info.icd_file and sys.platform.startswith("linux"):
@@ -61,6 +63,11 @@ class Worker:
     def alive(self) -> bool:
         return self._process.poll() is None
 
+    @property
+    def stays(self) -> bool:
+        """Whether the child lives and takes another program: one near the end of its idle time may leave meanwhile."""
+        return self.alive and time.monotonic() - self._idle_since < _IDLE_S / 2
+
     def compile(self, name: str, text: str, options: Sequence[str], limit_s: float = _LIMIT_S) -> Compiled:
         """Compile one program. Raises BuildFailure for a refused text, WorkerDied where the child ends."""
         guard = threading.Timer(limit_s, self._process.kill)
@@ -71,6 +78,7 @@ class Worker:
             raise WorkerDied(self._last_words(name)) from None
         finally:
             guard.cancel()
+            self._idle_since = time.monotonic()
 
     def _converse(self, job: dict[str, Any]) -> Compiled:
         into, out = self._pipes()

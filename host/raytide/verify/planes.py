@@ -124,7 +124,7 @@ def coplanar(lab: Lab) -> Iterator[Trial]:
 
 
 @case("P4", "geometry", "slopes of 1e-7, 1e-20 and denormal towards a plane",
-      "the same decision whether denormals are flushed or not, the same t from heights that are none; t finite",
+      "the same decision and the same t whether denormals are flushed or not: 0 from denormal heights; t finite",
       "infinite t; flushing decides")  # fmt: skip
 def faint_slopes(lab: Lab) -> Iterator[Trial]:
     record = plane_record((0, 0, 0), (0, 1, 0))
@@ -133,13 +133,14 @@ def faint_slopes(lab: Lab) -> Iterator[Trial]:
     def judge(inputs: Inputs) -> Judged:
         rays = rays_of(inputs["origin"], inputs["direction"])
         (one, one_met), (two, two_met) = (bench.trace(rays) for bench in benches)
-        normal = np.abs(inputs["origin"][:, 1]) >= 1.2e-38  # a denormal height is 0 where they are flushed
+        low = np.abs(inputs["origin"][:, 1]) < 1.2e-38  # a denormal height is 0 where they are flushed
         wrong = (one["prim"] != two["prim"]) | (one_met != two_met) | ~np.isfinite(one["t"])
-        wrong |= normal & (one["t"] != two["t"])
+        steep = np.abs(inputs["direction"][:, 1]) > np.float32(1e-30)
+        wrong |= (one["t"] != two["t"]) | (low & (one_met != steep)) | (low & steep & (one["t"] != 0))
         return Judged(forbidden(wrong), {"met": int(one_met.sum())})
 
     slopes = [s * sign for s in (1e-7, 1e-20, 1e-30, 1e-37, 1.2e-38, 1e-38, 1e-40, 1e-45) for sign in (-1, 1)]
-    rows = [(height, slope) for height in (1e-38, 1e-20, 1.0, 1e10) for slope in slopes]
+    rows = [(height, slope) for height in (1e-38, 1.3e-38, 1e-20, 1.0, 1e10) for slope in (*slopes, 1.5, -1.5)]
     height, slope = np.array(rows).T
     inputs = {"origin": f4(np.stack([0 * height, height, 0 * height], 1)),
               "direction": f4(np.stack([1 + 0 * slope, slope, 0 * slope], 1))}  # fmt: skip

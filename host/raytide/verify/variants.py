@@ -131,6 +131,8 @@ class VariantDevice(Device):
 
         super().__init__(opencl(), device.info, options=variant.options)
         self.variant = variant
+        if FAST in variant.options:  # Intel's compiler removes is_finite then; rays are asked for, not infinities
+            self._probes = replace(self.probes, nan_bits=True)
 
     def build(self, sources: Mapping[str, SourceLike], progress: Progress | None = None) -> dict[str, Program]:
         """As Device.build, of the rewritten sources."""
