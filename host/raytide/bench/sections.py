@@ -227,7 +227,7 @@ def rays_section(result: dict[str, Any]) -> Html | None:
     left += [[f"terrain, {one['triangles']} triangles", one["reason"]] for one in rays["scaling"]["skipped"]]
     return section(
         "Rays", paragraph(RAYS), table(["set", "status", "median", "+- %", "values", "remark"], cells),
-        element("div", *cost_plots(rays), class_="row"), table(["left out", "why"], left) if left else None,
+        element("div", *cost_plots(rays), class_="row wide"), table(["left out", "why"], left) if left else None,
     )  # fmt: skip
 
 
