@@ -181,7 +181,7 @@ def pictures(workloads: Sequence[dict[str, Any]]) -> Html | None:
             found.append(element("figure", both, off, element("figcaption", caption)))
     if not found:
         return None
-    return join((paragraph(PICTURES), element("div", *found, class_="row")))
+    return join((paragraph(PICTURES), element("div", *found, class_="row small")))
 
 
 def embedded(png: str, name: str) -> Html:
