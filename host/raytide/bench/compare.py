@@ -151,11 +151,13 @@ def comparison_text(names: Sequence[str], found: Comparison) -> str:
     """For a terminal."""
     parts = [f"{names[1]} against {names[0]}"]
     if found.differences:
-        parts.append(aligned(["WHAT DIFFERS", "", " "], [list(row) for row in found.differences]))
+        first, second = (f"  {name + ':':{max(map(len, names)) + 1}}" for name in names)
+        rows = [f"{what}\n{first} {old}\n{second} {new}" for what, old, new in found.differences]
+        parts.append("\n".join(["WHAT DIFFERS", *rows]))
     if found.rows:
-        rows = [[f"{row.part} {row.name}", figure(row.old, unit(row)), figure(row.new, unit(row)), f"{row.ratio:.3f}",
+        cells = [[f"{row.part} {row.name}", figure(row.old, unit(row)), figure(row.new, unit(row)), f"{row.ratio:.3f}",
                  f"{row.low:.3f} to {row.high:.3f}", row.word] for row in found.rows]  # fmt: skip
-        parts.append(aligned(["MEASUREMENT", "OLD", "NEW", "NEW / OLD", "95 %", ""], rows))
+        parts.append(aligned(["MEASUREMENT", "OLD", "NEW", "NEW / OLD", "95 %", ""], cells))
     parts += ["\n".join(f"left out: {name}: {reason}" for name, reason in found.left_out)] if found.left_out else []
     return "\n\n".join(parts)
 

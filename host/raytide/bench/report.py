@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from raytide.bench.compare import Comparison
+from raytide.bench.compare import Comparison, unit
 from raytide.bench.score import score_line
 from raytide.bench.sections import HOW_TO_READ, millions, parts_of, points_of
+from raytide.bench.show import figure as text_figure
 from raytide.bench.workloads import WORKLOADS
-from raytide.report.page import Html, details, figure, grade, page, paragraph, section, table
+from raytide.report.page import Html, Quantity, details, facts, figure, grade, page, paragraph, section, table
 from raytide.report.plot import bars
 
 _HEADLINE = (("fp32_flop_per_s", "fp32 Gflop/s", 1e9), ("read_byte_per_s", "read Gbyte/s", 1e9),
@@ -28,13 +29,14 @@ def comparison_page(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
     """Each of `names` but the first against the first."""
     body = []
     for name, found in zip(names[1:], comparisons, strict=True):
-        rows = [[row.part, row.name, row.old, row.new, row.ratio, row.low, row.high,
+        rows = [[row.part, row.name, Quantity(text_figure(row.old, unit(row)), row.old),
+                 Quantity(text_figure(row.new, unit(row)), row.new), row.ratio, row.low, row.high,
                  grade(row.word, {"better": True, "worse": False}.get(row.word))] for row in found.rows]  # fmt: skip
         head = ["part", "measurement", names[0], name, "new / old", "95 % from", "to", "verdict"]
         left = [list(one) for one in found.left_out]
         body.append(section(
             f"{name} against {names[0]}",
-            table(["what differs", names[0], name], [list(one) for one in found.differences], "Environment first."),
+            facts({what: f"{old} | {new}" for what, old, new in found.differences}),
             bars([f"{r.part} {r.name}" for r in found.rows], [r.ratio for r in found.rows], "new / old",
                  [r.low for r in found.rows], [r.high for r in found.rows], width=760),
             table(head, rows, "Rates; bootstrap intervals of the ratio of medians."),
@@ -43,8 +45,8 @@ def comparison_page(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
     return page("raytide bench compare", *body, lead=", ".join(names))
 
 
-SUMMARY_HEAD = ("device", "name", "score", "status", "suite", "class", *WORKLOADS,
-                *(word for _, word, _ in _HEADLINE))  # fmt: skip
+SUMMARY_HEAD = ("device", "score", "status", *WORKLOADS, *(word for _, word, _ in _HEADLINE), "suite", "class",
+                "name")  # fmt: skip
 
 
 def summary_rows(results: Sequence[dict[str, Any]]) -> list[list[Any]]:
@@ -56,22 +58,20 @@ def summary_rows(results: Sequence[dict[str, Any]]) -> list[list[Any]]:
         states = sorted({one["status"] for one in result["workloads"]} - {"ok"})
         peaks = result.get("peaks") or {}
         rows.append([
-            result["device_id"], device.get("name", "could not be opened"),
-            points_of((result.get("score") or {}).get("value")), ", ".join(states) or "ok",
-            f"{result['suite']} {result['tool']['suite_version']}", result["class"],
+            result["device_id"], points_of((result.get("score") or {}).get("value")), ", ".join(states) or "ok",
             *(rates.get(name) for name in WORKLOADS),
             *(peaks[key] / scale if key in peaks else None for key, _, scale in _HEADLINE),
+            f"{result['suite']} {result['tool']['suite_version']}", result["class"],
+            device.get("name", "could not be opened"),
         ])  # fmt: skip
-    return sorted(rows, key=lambda row: -(row[2] or 0.0))
+    return sorted(rows, key=lambda row: -(row[1] or 0.0))
 
 
 def summary_markdown(results: Sequence[dict[str, Any]]) -> str:
     """The same as a table in Markdown."""
     lines = [f"| {' | '.join(SUMMARY_HEAD)} |", f"|{'---|' * len(SUMMARY_HEAD)}"]
     for row in summary_rows(results):
-        score = f"{row[2]:.0f}" if row[2] else "-"
-        others = [f"{cell:.3g}" if isinstance(cell, float) else str(cell or "-") for cell in row[3:]]
-        cells = [*row[:2], score, *others]
+        cells = [f"{cell:.3g}" if isinstance(cell, float) else str(cell or "-") for cell in row]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 

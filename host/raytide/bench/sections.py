@@ -181,7 +181,7 @@ def pictures(workloads: Sequence[dict[str, Any]]) -> Html | None:
             found.append(element("figure", both, off, element("figcaption", caption)))
     if not found:
         return None
-    return join((paragraph(PICTURES), element("div", *found, class_="row")))
+    return join((paragraph(PICTURES), element("div", *found, class_="row small")))
 
 
 def embedded(png: str, name: str) -> Html:
@@ -227,7 +227,7 @@ def rays_section(result: dict[str, Any]) -> Html | None:
     left += [[f"terrain, {one['triangles']} triangles", one["reason"]] for one in rays["scaling"]["skipped"]]
     return section(
         "Rays", paragraph(RAYS), table(["set", "status", "median", "+- %", "values", "remark"], cells),
-        element("div", *cost_plots(rays), class_="row"), table(["left out", "why"], left) if left else None,
+        element("div", *cost_plots(rays), class_="row wide"), table(["left out", "why"], left) if left else None,
     )  # fmt: skip
 
 
