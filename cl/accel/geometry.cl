@@ -41,6 +41,7 @@ typedef struct {
     global uint *node_bits;
     global uint *leaf_bits;
 } Visits;
+#define NO_VISITS {0u, 0u, 0, 0}  // of a ray whose visits are counted, not told apart
 #endif
 
 // Kernels fill it in this order.

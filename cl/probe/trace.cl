@@ -86,11 +86,7 @@ kernel void probe_visits(GEOMETRY_ARGUMENTS, const uint count, global const Ray 
         return;
     }
     Geometry g = GEOMETRY_OF_ARGUMENTS;
-    Visits visits;
-    visits.nodes = 0u;
-    visits.leaves = 0u;
-    visits.node_bits = 0;
-    visits.leaf_bits = 0;
+    Visits visits = NO_VISITS;
     g.visits = &visits;
     trace_closest(g, rays[i]);
     visited[i] = (uint2)(visits.nodes, visits.leaves);

@@ -15,11 +15,7 @@ kernel void count_visits(GEOMETRY_ARGUMENTS, global const uint *queue, const uin
         return;
     }
     Geometry g = GEOMETRY_OF_ARGUMENTS;
-    Visits visits;
-    visits.nodes = 0u;
-    visits.leaves = 0u;
-    visits.node_bits = 0;
-    visits.leaf_bits = 0;
+    Visits visits = NO_VISITS;
     g.visits = &visits;
     const Ray ray = rays[queue[first + i]];
     uint met;
