@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/portable.cl"
+#include "base/light_pair.cl"
 #include "base/vector.cl"
 #include "base/sampler.cl"
 #include "accel/geometry.cl"
@@ -39,8 +40,12 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
         const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
         const LightPlace anywhere = light_place(xyz(*around), 0u);
         float picked;
-        const uint index = pick_light(lights, anywhere, sample_2d(sampler, SET_EMIT_LIGHT), &picked);
-        const LightEmission leaving = light_emit(light_table + index, g, *around, sample_4d(sampler, SET_EMIT));
+        const uint about = pick_light(lights, anywhere, sample_2d(sampler, SET_EMIT_LIGHT), &picked);
+        float4 u = sample_4d(sampler, SET_EMIT);
+        float2 within = u.xy;
+        const uint index = light_of_pair(lights, about, &within);
+        u.xy = within;
+        const LightEmission leaving = light_emit(light_table + index, g, *around, u);
         const float3 power = leaving.power * (1.0f / picked);
         ray.origin = make4(leaving.origin, float_of(leaving.prim));
         ray.direction = make4(leaving.direction, largest3(power) > 0.0f ? T_MAX_FREE : MISS_AT_ONCE);

@@ -14,6 +14,7 @@ import numpy as np
 from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
+from raytide.render.light_pairs import pair_lights, parallelograms
 from raytide.render.light_tree import FEW, LEAF, TWO_SIDED, build_light_tree, has_place, light_bounds
 from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
@@ -91,7 +92,7 @@ def pack_lights(
     parts = [declared]
     importance = [np.asarray(weights, float)]
     intensity = [(declared["radiance"][:, :3] * shown) @ _LUMINANCE]
-    count = len(declared)
+    count, pairs = len(declared), []
     for index, thing in enumerate(flat.objects):
         material = flat.materials[thing.material]
         if material.type != "emissive" or not thing.visible_to:
@@ -100,6 +101,8 @@ def pack_lights(
         prims, areas, centers, normals = _primitives(flat, geometry, index, planes_first)
         rows = _emitters(prims, areas, normals, radiance)
         rows["extra"][:, 2] = "indirect" not in thing.visible_to
+        if thing.shape < 0:
+            pairs.append((count, parallelograms(geometry.vertices[geometry.triangles[prims, :3], :3].astype(float))))
         objects[index]["light"] = count
         mean = _texture(rows, material, thing.material, textures)
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
@@ -117,6 +120,8 @@ def pack_lights(
         weight, group = np.ones(count), np.arange(count)
     if count:
         _alias_table(lights, weight, group)
+    for first, found in pairs:
+        pair_lights(lights, first, found)
     return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
 
 

@@ -1,0 +1,50 @@
+"""Pairs of triangles that make up parallelograms, which are sampled as one (cl/base/light_pair.cl).
+
+A rectangular lamp comes as two triangles. Picked apart, each takes its share of the strata of a pixel's samples at
+random; laid over by one square, every stratum of the square is one of the lamp.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+MOST_TRIANGLES = 64  # of an object: its strata on one of many triangles are few in any case
+_CLOSE = 1e-4  # of the diagonal, by which a parallelogram's corners may be off
+
+
+def parallelograms(corners: np.ndarray) -> list[tuple[int, int, int, int]]:
+    """Pairs among triangles `corners` (n, 3, 3), no triangle in two of them: the two numbers, and for each which of its
+    corners the other one does not have. They run around their edge the opposite way, so that both face the same side."""
+    if len(corners) > MOST_TRIANGLES:
+        return []
+    free, found = set(range(len(corners))), []
+    for first in range(len(corners)):
+        for second in range(first + 1, len(corners)):
+            apart = _far_corners(corners[first], corners[second])
+            if apart is not None and {first, second} <= free:
+                free -= {first, second}
+                found.append((first, second, *apart))
+    return found
+
+
+def _far_corners(a: np.ndarray, b: np.ndarray) -> tuple[int, int] | None:
+    """Numbers of the corners of triangles a and b that lie across from an edge they share, if that makes a
+    parallelogram."""
+    for i in range(3):
+        for j in range(3):
+            shared = np.array_equal(a[i - 2], b[j - 1]) and np.array_equal(a[i - 1], b[j - 2])
+            if shared:
+                off = a[i] + b[j] - a[i - 2] - a[i - 1]
+                size = np.linalg.norm(a[i] - b[j])
+                return (i, j) if np.linalg.norm(off) <= _CLOSE * size else None
+    return None
+
+
+def pair_lights(lights: np.ndarray, first: int, pairs: list[tuple[int, int, int, int]]) -> None:
+    """Writes pairs of the lights from `first` on into their records: words of `position`, and in its w, which held the
+    probability of each, that which both have together, halved."""
+    for one, other, far, far_other in pairs:
+        rows = [first + one, first + other]
+        words = np.array([rows[0] + 1, rows[1], far + 4 * far_other], np.uint32)
+        lights["position"][rows, :3] = words.view(np.float32)
+        lights["position"][rows, 3] = np.mean(lights["position"][rows, 3].astype(float))
