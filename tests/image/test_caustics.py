@@ -173,11 +173,18 @@ def test_shading_eight_vertices_at_once_changes_no_bit(device: Device) -> None:
 
 @pytest.mark.parametrize("integrator", ["path", "photon"])
 def test_light_is_not_seen_on_what_the_camera_looks_through(device: Device, integrator: str) -> None:
-    scene = mirrored()
-    scene.add(rt.point(BULB, (2, 2, 2)), name="bulb")
+    scene = small_lamp()
     scene["floor"].visible_to = ["shadow", "indirect"]
+    scene["lamp"].visible_to = ["shadow", "indirect"]
     caustics = integrator == "path"
     assert not pictures(device, scene, 1, integrator=integrator, caustics=caustics, spp=8).any()
+
+
+def test_a_lamp_that_rays_which_scatter_never_meet_is_not_seen_in_the_mirror(device: Device) -> None:
+    scene = small_lamp()
+    scene["lamp"].visible_to = ["camera", "shadow"]
+    made = pictures(device, scene, 1, caustics=True)[0]
+    assert made.mean() == pytest.approx(lit_by(BULB, 2.0).mean(), rel=0.01)
 
 
 @pytest.mark.parametrize(
