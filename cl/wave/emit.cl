@@ -5,6 +5,7 @@
 #include "base/sampler.cl"
 #include "accel/geometry.cl"
 #include "dispatch/light.cl"
+#include "wave/caustic.cl"
 #include "wave/path.cl"
 #include "wave/tile.cl"
 
@@ -46,10 +47,14 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
         const uint index = light_of_pair(lights, about, &within);
         u.xy = within;
         const LightEmission leaving = light_emit(light_table + index, g, *around, u);
-        const float3 power = leaving.power * (1.0f / picked);
+        const float3 power = picked > 0.0f ? leaving.power * (1.0f / picked) : (float3)(0.0f);
         ray.origin = make4(leaving.origin, float_of(leaving.prim));
         ray.direction = make4(leaving.direction, largest3(power) > 0.0f ? T_MAX_FREE : MISS_AT_ONCE);
+#if HAS_CAUSTICS
+        state = make4(power, lamp_density(light_table + index));
+#else
         state = make4(power, 0.0f);
+#endif
     }
 #endif
     rays[slot] = ray;

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from raytide.kernels.features import kind_number
+
 MOST_TRIANGLES = 64  # of an object: its strata on one of many triangles are few in any case
 _CLOSE = 1e-4  # of the diagonal, by which a parallelogram's corners may be off
 
 
 def parallelograms(corners: np.ndarray) -> list[tuple[int, int, int, int]]:
     """Pairs among triangles `corners` (n, 3, 3), no triangle in two of them: the two numbers, and for each which of its
-    corners the other one does not have. They run around their edge the opposite way, so that both face the same side."""
+    corners the other one does not have. Both face the same side: they run along their edge in opposite ways."""
     if len(corners) > MOST_TRIANGLES:
         return []
     free, found = set(range(len(corners))), []
@@ -41,10 +43,17 @@ def _far_corners(a: np.ndarray, b: np.ndarray) -> tuple[int, int] | None:
 
 
 def pair_lights(lights: np.ndarray, first: int, pairs: list[tuple[int, int, int, int]]) -> None:
-    """Writes pairs of the lights from `first` on into their records: words of `position`, and in its w, which held the
-    probability of each, that which both have together, halved."""
+    """Writes pairs of the records Light from `first` on into their words, which other emitters have zero."""
     for one, other, far, far_other in pairs:
-        rows = [first + one, first + other]
-        words = np.array([rows[0] + 1, rows[1], far + 4 * far_other], np.uint32)
-        lights["position"][rows, :3] = words.view(np.float32)
-        lights["position"][rows, 3] = np.mean(lights["position"][rows, 3].astype(float))
+        words = np.array([first + one + 1, first + other, far + 4 * far_other], np.uint32)
+        lights["position"][[first + one, first + other], :3] = words.view(np.float32)
+
+
+def shared_by_pairs(lights: np.ndarray, probability: np.ndarray) -> np.ndarray:
+    """(n,) how often each light is sampled that is picked with `probability`: what a pair has together, halved."""
+    words = lights["position"][:, :3].copy().view(np.uint32)
+    leads = words[:, 0] == np.arange(len(lights)) + 1
+    first = np.nonzero(leads & (lights["kind"] == kind_number("light", "emitter")))[0]
+    second, out = words[first, 1], probability.copy()
+    out[first] = out[second] = (probability[first] + probability[second]) / 2
+    return out

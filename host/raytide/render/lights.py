@@ -14,7 +14,7 @@ import numpy as np
 from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
-from raytide.render.light_pairs import pair_lights, parallelograms
+from raytide.render.light_pairs import pair_lights, parallelograms, shared_by_pairs
 from raytide.render.light_tree import FEW, LEAF, TWO_SIDED, build_light_tree, has_place, light_bounds
 from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
@@ -35,7 +35,7 @@ from raytide.scene.transform import matrix_of
 PLACED = (PointLight, SpotLight, ProjectorLight)  # lights of one point
 _EQUAL_SHARE = 0.25
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
-_UNPICKED = -1  # group of lights that are left to rays that scatter
+UNPICKED = -1  # group of lights that are left to rays that scatter
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def pack_lights(
             weights[-1] += _sky(row, light, flat, textures)
     groups = [np.arange(len(declared))]
     if left_to_scattering(flat):
-        groups[0][environment] = _UNPICKED
+        groups[0][environment] = UNPICKED
     parts = [declared]
     importance = [np.asarray(weights, float)]
     intensity = [(declared["radiance"][:, :3] * shown) @ _LUMINANCE]
@@ -113,15 +113,15 @@ def pack_lights(
         count += len(prims)
     lights = np.concatenate(parts)
     weight, group = np.concatenate(importance), np.concatenate(groups)
-    picked, shine = group != _UNPICKED, np.concatenate(intensity)
+    picked, shine = group != UNPICKED, np.concatenate(intensity)
     if choice == "tree" and picked.any():
         return PackedLights(lights, environment, _light_tree(lights, geometry, weight, shine, picked))
     if choice == "uniform":
         weight, group = np.ones(count), np.arange(count)
-    if count:
-        _alias_table(lights, weight, group)
     for first, found in pairs:
         pair_lights(lights, first, found)
+    if count:
+        alias_table(lights, weight, group)
     return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
 
 
@@ -284,10 +284,13 @@ def triangle_planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return length / 2, cross / np.where(length > 0, length, 1.0)[:, None]
 
 
-def _alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
-    """Fills alias, threshold and pick probability (Vose 1991), probabilities being those of the rounded table."""
+def alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
+    """Fills alias, threshold and pick probability (Vose 1991), probabilities being those of the rounded table.
+
+    Shares are those of `importance`, mixed with equal ones for each of `groups`; UNPICKED there means no share.
+    """
     n = len(lights)
-    picked = groups != _UNPICKED
+    picked = groups != UNPICKED
     if not picked.any():
         return  # every probability stays 0
     importance = np.where(picked & np.isfinite(importance) & (importance > 0), importance, 0.0)
@@ -310,4 +313,4 @@ def _alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray)
     kept = lights["threshold"].astype(float)
     probability = kept / n
     np.add.at(probability, alias, (1 - kept) / n)
-    lights["position"][:, 3] = probability
+    lights["position"][:, 3] = shared_by_pairs(lights, probability)
