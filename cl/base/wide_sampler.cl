@@ -47,6 +47,16 @@ typedef struct {
     float8 y;
 } Half8;
 
+static Rows8 rows_of_halves(const Half8 low, const Half8 high)
+{
+    Rows8 out;
+    out.x = low.x;
+    out.y = low.y;
+    out.z = high.x;
+    out.w = high.y;
+    return out;
+}
+
 #if HAS_SOBOL
 // Sets may differ by lane.
 static Rows8 sample_4d_of8(const Sampler8 s, const uint8 set)

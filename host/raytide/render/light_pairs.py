@@ -49,6 +49,12 @@ def pair_lights(lights: np.ndarray, first: int, pairs: list[tuple[int, int, int,
         lights["position"][[first + one, first + other], :3] = words.view(np.float32)
 
 
+def is_one_pair(lights: np.ndarray) -> bool:
+    """Whether a pair is all that shines, so that there is nothing to pick."""
+    emits = (lights["kind"] == kind_number("light", "emitter")).all()
+    return len(lights) == 2 and bool(emits) and bool(lights["position"][0, :1].view(np.uint32)[0] == 1)
+
+
 def shared_by_pairs(lights: np.ndarray, probability: np.ndarray) -> np.ndarray:
     """(n,) how often each light is sampled that is picked with `probability`: what a pair has together, halved."""
     words = lights["position"][:, :3].copy().view(np.uint32)
