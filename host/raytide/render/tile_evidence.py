@@ -20,9 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.render.neighbours import seen_variances
+from raytide.render.neighbours import CHANNELS, seen_sums
 
 TILE = 8  # pixels
+MOST_LISTED = 2**17  # pixels whose own figures are kept
+DARKEST = 1e-15  # of the mean radiance: below, float32 has no weights
 SPREAD = 3.0  # variance of log(flat bound / truth) times the pixels that rule a tile
 FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 
@@ -30,16 +32,17 @@ FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 @dataclass(frozen=True)
 class Evidence:
     """Means over tiles of TILE x TILE pixels, (rows, columns) float64 each, smaller ones ending rows and columns, and
-    relative as relMSE is: squares over radiance^2 + e^2.
+    but for `absolute` relative as relMSE is: squares over radiance^2 + e^2.
 
-    `now`, `before`: Q at the last two powers of four. `flat`: upper bound of relMSE from `now`, for a slope of 1.
-    `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to `pixels`. `by_pixel`: Q of each
-    pixel at the same two, (h, w).
+    `now`, `before`: Q at the last two powers of four; `absolute`: `now` in radiance^2. `flat`: upper bound of relMSE
+    from `now`, for a slope of 1. `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to
+    `pixels`. `by_pixel`: Q at the same two of single pixels, (n,), evenly picked where there are many.
     """
 
     by_pixel: tuple[np.ndarray, np.ndarray]
     now: np.ndarray
     before: np.ndarray
+    absolute: np.ndarray
     flat: np.ndarray
     seen: np.ndarray
     rulers: np.ndarray
@@ -53,25 +56,31 @@ class Evidence:
 
 def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> Evidence:
     """What `mean` (h, w, 3) after `spp` samples a pixel tells; `now`, `before`: Q (h, w, 3) at the largest power of
-    four up to `spp` and at the one before."""
-    weight = 1.0 / (mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2)
-    q, earlier = (np.einsum("ijk,ijk->ij", one, weight) / one.shape[2] for one in (now, before))
-    pixels = tile_sums(np.ones_like(q))
-    total = tile_sums(q)
-    seen = np.full_like(pixels, np.inf)
-    for squares in seen_variances(mean, weight):
-        seen = np.minimum(seen, tile_sums(squares) / pixels)
-    return Evidence(
-        by_pixel=(q, earlier),
-        now=total / pixels,
-        before=tile_sums(earlier) / pixels,
-        flat=total / pixels * factor(1.0, spp),
-        seen=seen,
-        rulers=np.maximum(total**2 / np.maximum(tile_sums(q**2), 1e-300), 1.0),
-        pixels=pixels,
-    )
+    four up to `spp` and at the one before.
 
-
+    One row of tiles after the other, in float32 and relative to the picture's mean: what is at work stays in the cache.
+    """
+    average = float(np.mean(mean))
+    scale = average if average > 1e-30 else 1.0
+    darkest = np.float32(max(FLOOR * average / scale, DARKEST) ** 2)
+    pixels = tile_sums(np.ones(mean.shape[:2]))
+    sums = np.empty((6, *pixels.shape))
+    listed: list[np.ndarray] = []
+    every = max(1, mean[..., 0].size // MOST_LISTED)
+    for row in range(pixels.shape[0]):
+        span = slice(row * TILE, (row + 1) * TILE)
+        values, above, below = _with_neighbours(mean, span, scale)
+        weight = values * values
+        weight += darkest
+        np.divide(np.float32(1.0), weight, out=weight)
+        own = weight[above : len(weight) - below]
+        q, earlier = _weighted(now[span], own), _weighted(before[span], own)
+        sums[:5, row] = [_by_columns(one) for one in (q, earlier, q * q, _channel_sums(now[span]))] + [np.inf]
+        listed.append(np.stack((q.ravel()[row % every :: every], earlier.ravel()[row % every :: every])))
+        sums[4, row] = np.inf
+        for squares in seen_sums(values, weight, above, below):
+            sums[4, row] = np.minimum(sums[4, row], _by_columns(squares[None], CHANNELS))
+    return _evidence(sums, pixels, np.concatenate(listed, axis=1), scale, spp)
 def factor(slope: np.ndarray | float, spp: int) -> np.ndarray:
     """V(spp) / Q at the last power of four, where V falls with `slope`."""
     ahead = power_of_four(spp) / spp
