@@ -65,7 +65,7 @@ class Checkpoints:
         self._sums_s = 0.0  # what a write of them costs: a guess until there was one
 
     def begin(self, capture: Capture) -> None:
-        """The first generation, before any work is spent: there is nothing to keep yet, but it tells whether there could
+        """The first generation, before any work is spent: there is nothing to keep yet, but it tells whether that could
         be. Raises UsageError where it cannot be written, or would replace a render that is not finished, or a file that
         is no checkpoint, or where the disk has no room for the sums."""
         self._begun = time.monotonic()
@@ -98,8 +98,8 @@ class Checkpoints:
         free = shutil.disk_usage(place).free
         if free < needed:
             raise UsageError(
-                f"{self.path}: came {free >> 20} MiB of free disk; wanted {needed >> 20} MiB or more for the sums of this "
-                "picture; nothing was rendered"
+                f"{self.path}: came {free >> 20} MiB of free disk; wanted {needed >> 20} MiB or more for the sums of "
+                "this picture; nothing was rendered"
             )
 
     def tick(self, capture: Capture) -> None:
@@ -178,8 +178,8 @@ def restore(renderer: Renderer, content: Content, path: Path) -> None:
         if not facts["sums"]:
             frame.restart()
             waves.rays = RayCounts()
-            if facts["spp"]:
-                _log.warning("%s: ended at %d spp and does not hold their sums; the render begins anew", path, facts["spp"])
+            if spp := facts["spp"]:
+                _log.warning("%s: ended at %d spp and does not hold their sums; the render begins anew", path, spp)
             return
         frame.restore(content.arrays, facts["frame"], renderer.plan.samples)
         reflection, shadow, mixed, mixed_shadow = content.arrays["rays"].astype(np.int64)

@@ -64,23 +64,58 @@ def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> E
     scale = average if average > 1e-30 else 1.0
     darkest = np.float32(max(FLOOR * average / scale, DARKEST) ** 2)
     pixels = tile_sums(np.ones(mean.shape[:2]))
-    sums = np.empty((6, *pixels.shape))
+    total, earlier, squares, absolute, seen = np.empty((5, *pixels.shape))
     listed: list[np.ndarray] = []
-    every = max(1, mean[..., 0].size // MOST_LISTED)
-    for row in range(pixels.shape[0]):
+    every = max(1, int(pixels.sum()) // MOST_LISTED)
+    for row in range(len(pixels)):
         span = slice(row * TILE, (row + 1) * TILE)
         values, above, below = _with_neighbours(mean, span, scale)
         weight = values * values
         weight += darkest
         np.divide(np.float32(1.0), weight, out=weight)
         own = weight[above : len(weight) - below]
-        q, earlier = _weighted(now[span], own), _weighted(before[span], own)
-        sums[:5, row] = [_by_columns(one) for one in (q, earlier, q * q, _channel_sums(now[span]))] + [np.inf]
-        listed.append(np.stack((q.ravel()[row % every :: every], earlier.ravel()[row % every :: every])))
-        sums[4, row] = np.inf
-        for squares in seen_sums(values, weight, above, below):
-            sums[4, row] = np.minimum(sums[4, row], _by_columns(squares[None], CHANNELS))
-    return _evidence(sums, pixels, np.concatenate(listed, axis=1), scale, spp)
+        q, q_before = _weighted(now[span], own), _weighted(before[span], own)
+        total[row], earlier[row], squares[row] = (_along(one.sum(axis=0), 1) for one in (q, q_before, q * q))
+        absolute[row] = sum(_along(now[span, :, channel].sum(axis=0), 1) for channel in range(CHANNELS))
+        seen[row] = np.inf
+        for sums in seen_sums(values, weight, above, below):
+            seen[row] = np.minimum(seen[row], _along(sums, CHANNELS))
+        listed.append(np.stack((q.ravel()[row % every :: every], q_before.ravel()[row % every :: every])))
+    by_pixel = np.concatenate(listed, axis=1)
+    relative = CHANNELS * scale**2 * pixels  # Q are not relative to the mean yet
+    return Evidence(
+        by_pixel=(by_pixel[0], by_pixel[1]),
+        now=total / relative,
+        before=earlier / relative,
+        absolute=absolute / (CHANNELS * pixels),
+        flat=total / relative * factor(1.0, spp),
+        seen=seen / (CHANNELS * pixels),
+        rulers=np.maximum(total**2 / np.maximum(squares, 1e-300), 1.0),
+        pixels=pixels,
+    )
+
+
+def _with_neighbours(mean: np.ndarray, span: slice, scale: float) -> tuple[np.ndarray, int, int]:
+    """Rows of `mean` over `scale` as (rows, 3 w) float32, with one more above and below where there is one; how many
+    those are."""
+    above, below = int(span.start > 0), int(span.stop < len(mean))
+    rows = mean[span.start - above : min(span.stop, len(mean)) + below]
+    return (rows.reshape(len(rows), -1) * (1.0 / scale)).astype(np.float32, copy=False), above, below
+
+
+def _weighted(squares: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Sums over channels of `squares` (rows, w, 3) by `weight` (rows, 3 w): (rows, w) float32."""
+    found = squares[..., 0] * weight[:, 0::CHANNELS]
+    for channel in range(1, CHANNELS):
+        found += squares[..., channel] * weight[:, channel::CHANNELS]
+    return found.astype(np.float32, copy=False)
+
+
+def _along(row: np.ndarray, values: int) -> np.ndarray:
+    """Sums over a row of tiles of a row of pixels, of so many `values` each."""
+    return np.add.reduceat(row.astype(np.float64), np.arange(0, len(row), TILE * values))
+
+
 def factor(slope: np.ndarray | float, spp: int) -> np.ndarray:
     """V(spp) / Q at the last power of four, where V falls with `slope`."""
     ahead = power_of_four(spp) / spp
