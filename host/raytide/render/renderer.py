@@ -48,8 +48,9 @@ class Renderer:
     out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
     `traversal` says how rays are traced: "single", "list" (eight together through all of a few triangles), "packet" (64
     together, where rays are in tile order), "compact" (single, through a tree of small nodes) or "auto", which tries
-    them (trial.py) or takes compact on GPUs; the picture is the same, bit for bit. `settings` override keys of the scene's [render] table and camera `size`. Use as a context
-    manager. Two renderers may share a Device, one after the other: device times are counted by device.
+    them (trial.py) or takes compact on GPUs; the picture is the same, bit for bit. `settings` override keys of the
+    scene's [render] table and camera `size`. Use as a context manager. Two renderers may share a Device, one after the
+    other: device times are counted by device.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -133,7 +134,8 @@ class Renderer:
         self.sources = sources
         self.programs = kept | (self.device.build(missing) if missing else {})
         kernels = {wave.name: sources[wave.name].sha256 for wave in tracing}
-        self.trial = Trial(self.device, self.variants, kernels, self.traversal != "auto")
+        self.trial = Trial(self.device, self.variants, kernels, self.traversal != "auto",
+                           len(self.packed.geometry.triangles))  # fmt: skip
 
     def _build_tree(self) -> None:
         parts = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)]
