@@ -20,6 +20,7 @@ MEDIA_BYTES = 16  # a slot more where clear bodies overlap
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity
 NORMAL_BYTES = 4  # a slot more where lights are picked by a tree
 TARGET_BYTES = 4  # a slot more where light is traced to the camera
+DENSITY_BYTES = 4  # a slot more where paths of light and paths from the camera weigh each other
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Wave:
     needed: Callable[[Features], bool] = lambda features: True
     traces: bool = False
     ignores: tuple[str, ...] = ()  # switches that it has no use for
+    lit: bool = False  # it traces or takes light from the lights, alike for integrator photon and for caustics
 
     @property
     def entry(self) -> str:
@@ -38,7 +40,8 @@ class Wave:
     def features(self, features: Features) -> Features:
         """Those that this program is built with: one that reads no tree, or only the wide one, knows no layouts."""
         ignored = dict.fromkeys((*self.ignores, *(() if self.traces else ("compact",))), False)
-        return replace(features, **ignored)  # type: ignore[arg-type]
+        photon = features.emits if self.lit else features.photon
+        return replace(features, photon=photon, **ignored)  # type: ignore[arg-type]
 
 
 WAVES = (
@@ -47,10 +50,10 @@ WAVES = (
     Wave("shade"),
     Wave("partition"),
     Wave("shadow", lambda features: bool(features.picked_lights), traces=True),
-    Wave("film"),
-    Wave("emit", lambda features: features.photon, ignores=("light_tree",)),
-    Wave("connect", lambda features: features.photon, ignores=("light_tree",)),
-    Wave("splat", lambda features: features.photon),
+    Wave("film", lit=True),
+    Wave("emit", lambda features: features.emits, ignores=("light_tree",), lit=True),
+    Wave("connect", lambda features: features.emits, ignores=("light_tree",), lit=True),
+    Wave("splat", lambda features: features.emits, lit=True),
 )
 AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
@@ -69,6 +72,7 @@ class Variant:
     together: bool
     fits: Callable[[str, Features], bool]
     usual: tuple[str, ...]
+    listed: bool = False  # for scenes of few triangles only, whose list its kernels take
 
     @property
     def waves(self) -> tuple[Wave, ...]:
@@ -76,11 +80,18 @@ class Variant:
         return Wave(f"extend{self.suffix}", traces=True), Wave(f"shadow{self.suffix}", lit, traces=True)
 
 
+def _listed_alone(features: Features) -> bool:
+    """Whether rays can meet nothing but triangles of the world, which have a tree as well."""
+    others = features.shapes or features.instances or features.compact or features.leaky
+    return features.tree and features.triangles and not others
+
+
 # Kinds of waves: which rays they trace. Launches of the first three follow the tiles of the picture, because compaction
 # keeps the order in which camera rays were made.
 KINDS = ("primary", "reflection[1]", "shadow[1]", "reflection", "shadow")
 VARIANTS = (
     Variant("single", "", False, lambda kind, features: not features.compact, KINDS),
+    Variant("list", "_list", True, lambda kind, features: kind != "gpu" and _listed_alone(features), KINDS, True),
     Variant("packet", "_packet", True, lambda kind, features: features.tree and not features.compact,
             ("primary", "shadow[1]")),
     Variant("compact", "", False, lambda kind, features: features.compact, KINDS),
@@ -93,12 +104,13 @@ def kind_of(label: str) -> str:
     return label if label in KINDS else "reflection" if label == "emitted" else label.partition("[")[0]
 
 
-def variants_for(traversal: str, kind: str, features: Features) -> tuple[Variant, ...]:
+def variants_for(traversal: str, kind: str, features: Features, short: bool = False) -> tuple[Variant, ...]:
     """The variants that a render may use: all that fit; a named one, and single rays for the waves that it is not for.
-    In the compact layout there is one. UsageError for an unknown `traversal`."""
+    In the compact layout there is one. `short`: whether the scene's triangles can be listed. UsageError for an unknown
+    `traversal`."""
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
-    fitting = [variant for variant in VARIANTS if variant.fits(kind, features)]
+    fitting = [v for v in VARIANTS if v.fits(kind, features) and (short or not v.listed)]
     return (fitting[0], *(v for v in fitting[1:] if traversal in ("auto", v.name)))
 
 
@@ -128,7 +140,7 @@ class WavePlan:
 def slot_bytes_of(features: Features) -> int:
     """What the wave buffers hold for each path."""
     optional = SCATTERING_BYTES * features.opacity + MEDIA_BYTES * features.nested + NORMAL_BYTES * features.light_tree
-    return SLOT_BYTES + optional + TARGET_BYTES * features.photon
+    return SLOT_BYTES + optional + TARGET_BYTES * features.emits + DENSITY_BYTES * features.caustics
 
 
 def plan_waves(

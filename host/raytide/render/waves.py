@@ -26,6 +26,7 @@ from raytide.kernels.constants import (
 )
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
+from raytide.render.listed import listed
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import Variant, WavePlan, kind_of
 from raytide.render.textures import PackedTextures
@@ -77,12 +78,13 @@ class SceneBuffers:
     """The scene on the device."""
 
     def __init__(
-        self, device: Device, packed: PackedScene, forest: Forest, features: Features, meshes: np.ndarray
-    ) -> None:
-        """`meshes` are records Mesh."""
+        self, device: Device, packed: PackedScene, forest: Forest, features: Features, meshes: np.ndarray,
+        lists: bool = False,
+    ) -> None:  # fmt: skip
+        """`meshes` are records Mesh; `lists`: whether any variant of the traversal takes the triangles as a list."""
         flat = packed.geometry
         self._visibility, self.opacity = features.visibility, features.opacity
-        self.nested = features.nested
+        self.nested, self.caustics = features.nested, features.caustics
         self._geometry: tuple[Buffer | np.uint32, ...] = (
             *forest.buffers(device),
             device.upload(packed.triangles),
@@ -102,6 +104,7 @@ class SceneBuffers:
                 np.uint32(forest.roots[-1]),
                 np.uint32(forest.first_blocks[-1]),
             )
+        self.listed = listed(flat).arguments(device) if lists else ()
         self.objects = device.upload(packed.objects)
         self.materials = device.upload(packed.materials)
         self.lights: tuple[Buffer, ...] = (device.upload(packed.lights),)
@@ -162,6 +165,7 @@ class Waves:
         self.hits = device.empty(slots * RECORDS["Hit"].size)
         self.scatterings = (device.empty(slots * 16),) if scene.opacity else ()
         self._media = (device.empty(slots * 16),) if scene.nested else ()
+        self._densities = (device.empty(slots * 4),) if scene.caustics else ()
         self.throughput, self.paths = device.empty(slots * 16), device.empty(slots * 16)
         self.shadow_light, self.status = device.empty(slots * 16), device.empty(slots * 4)
         self.queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
@@ -249,7 +253,8 @@ class Waves:
         def launch(variant: Variant) -> None:
             name = wave + variant.suffix
             items, local = trace_launch(count, alone=not variant.together and self.device.kind == "gpu")
-            self.device.launch(self.programs[name], name, items, local, *geometry, *arguments, label=label)
+            lists = self.scene.listed if variant.listed else ()
+            self.device.launch(self.programs[name], name, items, local, *geometry, *lists, *arguments, label=label)
 
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 
@@ -264,7 +269,7 @@ class Waves:
             self.queues[0], np.uint32(count),
             self.path_rays, self.hits, self.throughput, self.paths, self.status,
             self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings, *self._media,
-            label="shade",
+            *self._densities, label="shade",
         )  # fmt: skip
         return self.follow(count, label, "shadow", self.samples)
 
