@@ -35,7 +35,7 @@ static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const ui
                       const Rows8 u)
 {
     const uint8 edge = as_uint8(path.y) & PATH_EDGES;
-    const BsdfSamples8 bsdf = samples_of(s->materials, v, u);
+    const BsdfSample8 bsdf = samples_of(s->materials, v, u);
     const Vector8 wi = to_world8(v->frame, bsdf.wi);
     const float8 side = dot8(wi, v->normal);
     const int8 passes = (bsdf.flags & BSDF_TRANSMIT) != 0u ? side < 0.0f : side > 0.0f;

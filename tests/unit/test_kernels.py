@@ -96,7 +96,7 @@ static uint twice(const uint x)
 }
 static uint four_times(const uint x) { return twice(twice(x)); }
 """
-    wide = of_eight(text)
+    wide = of_eight(text, {})
     assert "static uint8 four_times8(const uint8 x) { return twice8(twice8(x)); }" in wide
     assert not re.search(r"\b(uint|twice|four_times)\b", wide)
 
