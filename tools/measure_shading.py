@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import raytide as rt
 from compare_peers_scenes import SCENES, box, globe, quads
 from peer_adapter import scene_of
-from raytide.device import Device, open_device
+from raytide.device import open_device
 
 MATERIALS = (
     rt.Diffuse((0.7, 0.5, 0.3)),
@@ -54,7 +54,7 @@ def balls(kinds: int, size: int, spp: int) -> rt.Scene:
     scene.add(rt.mesh(vertices=lamp, faces=sides), rt.Emit(8.0), name="lamp")
     places = [(2.0 * x - 4, 1.3 * y + 0.7, 2.0 * z - 5.0) for x in range(5) for y in range(4) for z in range(5)]
     order = np.random.default_rng(3).permutation(len(places))
-    ball, sides = globe((0.0, 0.0, 0.0), 0.62, 4)
+    ball, sides = globe((0.0, 0.0, 0.0), 0.62, 3)
     for kind, material in enumerate(MATERIALS[:kinds]):
         here = [np.add(ball, places[i]) for i in order[kind::kinds]]
         several = np.concatenate([sides + len(ball) * i for i in range(len(here))])
@@ -74,8 +74,9 @@ def measured(renderer: rt.Renderer, spp: int, seed: int) -> dict[str, float]:
     renderer.restart(seed=seed)
     renderer.render(spp)
     report, rays = renderer.report(), renderer.rays
-    return {"vertices": rays.primary + int(rays.reflection.sum()), "rate": renderer.rays.primary / report["times_s"]["render"],
-            **{wave: report["waves"][wave]["s"] for wave in ("shade", "partition")}}
+    return {"vertices": rays.primary + int(rays.reflection.sum()),
+            "rate": renderer.rays.primary / report["times_s"]["render"],
+            **{wave: report["waves"][wave]["s"] for wave in ("shade", "partition")}}  # fmt: skip
 
 
 def main() -> int:

@@ -3,7 +3,7 @@
 The host derives `FOLDER/NAME8.cl` from `FOLDER/NAME.cl` for the files of SERVE_BOTH. What they define gets an 8 at the
 end of its name, and so does what they call there; types and the functions of base/ become those of base/wide.cl. Such a
 text chooses by `?:` of comparisons, never by `if` of a number; where it works on vectors it calls add3, subtract3,
-scale3, multiply3 and choose3, because operators know no eight vectors; and it gives every component a constructor wants.
+scale3, multiply3 and choose3, because operators know no eight vectors; and it names every component of a vector.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ SERVE_BOTH = {
     "base/fresnel.cl": "DEVICE_CPU",
     "base/ggx.cl": "DEVICE_CPU",
     "base/facets.cl": "DEVICE_CPU && !HAS_BECKMANN",
+    **{f"material/{kind}.cl": "DEVICE_CPU" for kind in ("conductor", "dielectric", "mirror", "thin_dielectric")},
     "material/rough_conductor.cl": "DEVICE_CPU && !HAS_BECKMANN && !HAS_COMPENSATION",
 }
 _TYPES = {"float": "float8", "float2": "Pair8", "float3": "Vector8", "float4": "Rows8", "int": "int8", "uint": "uint8"}
