@@ -7,8 +7,10 @@
 Each renderer runs in processes of its own, by the interpreter given for it, else by .peers/NAME/bin/python, else by
 this one if it can import it; one that is not there is left out, and how to install it is said. Equal for all: flat
 triangles, camera, box filter, maximum depth, threads; no Russian roulette, clamping, adaptive sampling or denoising.
-raytide estimates its error. Errors are against a long render of Mitsuba's, or raytide's own without it, kept in FOLDER.
-Let nothing else run meanwhile. `--tables FILE` prints the tables of an earlier JSON again.
+raytide estimates its error. Errors are against a long render of Mitsuba's, raytide's own without it, or by the renderer
+that --reference-by names, kept in FOLDER.
+Let nothing else run meanwhile. `--tables FILE...` prints the tables of earlier JSON again, later rows in place of
+earlier ones.
 """
 
 from __future__ import annotations
@@ -66,10 +68,10 @@ PACKAGES = {
 def main() -> int:
     """Exit code 0; 2 for a wrong option or where nothing can be compared."""
     options = parse()
-    if options.tables:
-        print_tables(json.loads(options.tables.read_text(encoding="utf-8")))
-        return 0
     try:
+        if options.tables:
+            print_tables(joined([json.loads(path.read_text(encoding="utf-8")) for path in options.tables]))
+            return 0
         return compare(options)
     except RaytideError as error:
         print(f"compare_peers: {error}", file=sys.stderr)
@@ -88,11 +90,13 @@ def compare(options: argparse.Namespace) -> int:
         picture = options.work / f"scene-{scene}.npz"
         made = SCENES[scene](mesh_of(options) if scene == "bunny" else None)
         made.save(picture)
-        reference = reference_of(scene, picture, made, pythons, options)
+        by = referee(pythons, options)
+        reference = reference_of(scene, by, picture, made, pythons, options)
         for name, python in pythons.items():
             say(f"{scene}: {name}")
             row = measure(name, python, picture, reference, options)
-            result["rows"].append({"scene": scene, "triangles": made.triangles, "renderer": name} | row)
+            names = {"scene": scene, "triangles": made.triangles, "renderer": name, "reference": by}
+            result["rows"].append(names | row)
             if options.json:
                 options.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print_tables(result)
@@ -104,8 +108,19 @@ def about(options: argparse.Namespace) -> dict[str, Any]:
         "raytide": __version__, "machine": platform.processor() or platform.machine(), "processors": os.cpu_count(),
         "load": os.getloadavg() if hasattr(os, "getloadavg") else None, "command": " ".join(sys.argv),
         "size": options.size, "threads": options.threads, "replicates": options.replicates,
-        "reference_spp": options.reference_spp, "seconds": options.seconds,
+        "reference_spp": options.reference_spp, "reference_by": options.reference_by, "seconds": options.seconds,
     }  # fmt: skip
+
+
+def joined(results: list[dict[str, Any]]) -> dict[str, Any]:
+    """Results of several runs as one; of a scene and renderer the last row counts. UsageError where sizes, threads,
+    times or lengths of references differ."""
+    equal = ("size", "threads", "seconds", "reference_spp")
+    for key in equal:
+        if len({json.dumps(one["about"][key]) for one in results}) > 1:
+            raise UsageError(f"--tables: came files of different {key}; wanted equal ones")
+    rows = {(row["scene"], row["renderer"]): row for one in results for row in one["rows"]}
+    return {"about": results[0]["about"], "rows": list(rows.values())}
 
 
 def mesh_of(options: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
@@ -144,12 +159,19 @@ def how_to_install(name: str) -> str:
             + (f"\n    ({package.more})" if package.more else ""))  # fmt: skip
 
 
+def referee(pythons: dict[str, str], options: argparse.Namespace) -> str:
+    """Who renders the references."""
+    there = [n for n in (options.reference_by, "mitsuba", "mitsuba_mj", *pythons) if n in pythons]
+    name = "mitsuba" if there[0] == "mitsuba_mj" else there[0]
+    if options.reference_by not in (None, name):
+        raise UsageError(f"--reference-by: came {options.reference_by}; wanted one of {', '.join(pythons)}")
+    return name
+
+
 def reference_of(
-    scene: str, picture: Path, made: PeerScene, pythons: dict[str, str], options: argparse.Namespace
+    scene: str, name: str, picture: Path, made: PeerScene, pythons: dict[str, str], options: argparse.Namespace
 ) -> Reference:
     """Replicates of `reference_spp` samples in all, resumed from the folder where it has some of this very scene."""
-    name = next((n for n in ("mitsuba", "mitsuba_mj") if n in pythons), next(iter(pythons)))
-    name = "mitsuba" if name == "mitsuba_mj" else name
     path = options.work / f"reference-{scene}-{name}-{options.size}-{options.reference_spp}.npz"
     mark = made.digest()
     pictures = np.zeros((0, options.size, options.size, 3), np.float32)
@@ -230,12 +252,13 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--replicates", type=whole, default=2, help="pictures of each time")
     parser.add_argument("--repeats", type=whole, default=3, help="of the rate; its median counts")
     parser.add_argument("--reference-spp", type=whole, default=2048)
+    parser.add_argument("--reference-by", choices=RENDERERS, help="by default Mitsuba, else the first that is there")
     parser.add_argument("--size", type=whole, default=256, help="pixels a side")
     parser.add_argument("--threads", type=whole, default=os.cpu_count() or 1)
     parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir()) / "raytide-peers",
                         help="folder for scenes and references")
     parser.add_argument("--json", type=Path, help="write all figures here")
-    parser.add_argument("--tables", type=Path, help="only print the tables of this JSON")
+    parser.add_argument("--tables", type=Path, nargs="+", help="only print the tables of these JSON files, joined")
     return parser.parse_args()
 
 

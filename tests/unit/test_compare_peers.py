@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -11,8 +12,10 @@ import pytest
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 sys.path.insert(0, str(TOOLS))
 
+import compare_peers as peers  # noqa: E402
 import compare_peers_report as report  # noqa: E402
 import compare_peers_scenes as scenes  # noqa: E402
+from raytide.errors import UsageError  # noqa: E402
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -79,3 +82,24 @@ def test_a_darker_picture_differs_and_an_equal_one_agrees():
     dark = report.agreement(noisy(random, 4, 0.1, level=0.99), reference)
     assert not dark["agrees"]
     assert dark["tile_difference"] > 2 * dark["tile_noise"]
+
+
+def test_results_of_several_runs_are_one_table():
+    about = {"size": 8, "threads": 2, "seconds": [1.0], "reference_spp": 64}
+
+    def one(scene: str, renderer: str, words: str) -> dict:
+        return {"about": about, "rows": [{"scene": scene, "renderer": renderer, "failed": words}]}
+
+    rows = peers.joined([one("room", "cycles", "a"), one("room", "raytide", "b"), one("room", "cycles", "c")])["rows"]
+    assert [(row["renderer"], row["failed"]) for row in rows] == [("cycles", "c"), ("raytide", "b")]
+    other = one("room", "luxcore", "d") | {"about": about | {"size": 16}}
+    with pytest.raises(UsageError, match="different size"):
+        peers.joined([one("room", "cycles", "a"), other])
+
+
+def test_the_renderer_that_is_named_makes_the_references():
+    there = {"raytide": "python", "mitsuba_mj": "python", "cycles": "python"}
+    assert peers.referee(there, argparse.Namespace(reference_by=None)) == "mitsuba"
+    assert peers.referee(there, argparse.Namespace(reference_by="cycles")) == "cycles"
+    with pytest.raises(UsageError, match="luxcore"):
+        peers.referee(there, argparse.Namespace(reference_by="luxcore"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,10 +50,26 @@ FORMS: tuple[tuple[str, Callable[[str], str], bool], ...] = (
 )
 
 
+ROUNDS = 9
+
+
+@dataclass(frozen=True)
+class Form:
+    """One form that is built and has been asked for its leaks; times come when all are."""
+
+    name: str
+    bench: Lab
+    traced: Tracer
+    rays: np.ndarray
+    leaks: tuple[int, int, int, int]
+    t_error: float
+
+
 @dataclass(frozen=True)
 class Cost:
-    """One form. ns_per_ray: closest and any hit of one random ray inside the sphere, device time, median of 5; leaks
-    (edges, vertices, edges far away, vertices far away) of `rays` each; t_error: 99th percentile, relative."""
+    """One form. ns_per_ray: closest and any hit of one random ray inside the sphere, device time, median of ROUNDS that
+    all forms took in turn; leaks (edges, vertices, edges far away, vertices far away) of `rays` each; t_error: 99th
+    percentile, relative."""
 
     form: str
     ns_per_ray: float
@@ -64,18 +80,19 @@ class Cost:
 
 def costs(lab: Lab, say: Callable[[Cost], None] = lambda one: None,
           failed: Callable[[str, str], None] = lambda form, why: None) -> list[Cost]:  # fmt: skip
-    """All forms that the device can build, one after the other; `failed` hears of those that it cannot."""
-    out = []
+    """All forms that the device can build; `failed` hears of those that it cannot. Leaks first, then times in turn."""
+    made = []
     for name, text, leaky in FORMS:
         if text is in_double and not has_double(lab):
             continue
         bench = lab if text is str else lab.with_variant(Variant(name, name, text))
         try:
-            out.append(measure(bench, name, leaky))
+            made.append(prepared(bench, name, leaky))
         except DeviceError as error:
             failed(name, str(error))
-            continue
-        say(out[-1])
+    out = timed(made)
+    for one in out:
+        say(one)
     return out
 
 
@@ -93,7 +110,12 @@ def aimed_sets(bench: Lab) -> Iterator[tuple[FlatGeometry, Inputs]]:
 
 
 def measure(bench: Lab, name: str, leaky: bool) -> Cost:
-    """One form."""
+    """One form alone."""
+    return timed([prepared(bench, name, leaky)])[0]
+
+
+def prepared(bench: Lab, name: str, leaky: bool) -> Form:
+    """Builds one form, and counts what leaks through it."""
     n = bench.count(100_000, 1_000_000)
     leaks = []
     for geometry, inputs in aimed_sets(bench):
@@ -104,19 +126,21 @@ def measure(bench: Lab, name: str, leaky: bool) -> Cost:
     rng = bench.rng(903)
     origin = f4(unit_vectors(rng, n) * 0.3)
     rays = rays_of(origin, f4(unit_vectors(rng, n)))
-    seconds, error = timed(bench, traced, rays), depth_error(here, traced, rays)
-    return Cost(name, seconds / n * 1e9, (leaks[0], leaks[1], leaks[2], leaks[3]), n, error)
+    error = depth_error(here, traced, rays)
+    return Form(name, bench, traced, rays, (leaks[0], leaks[1], leaks[2], leaks[3]), error)
 
 
-def timed(bench: Lab, traced: Tracer, rays: np.ndarray) -> float:
-    """Device seconds of one launch, median of 5."""
-    traced.trace(rays)
-    bench.device.take_times()
-    found = []
-    for _ in range(5):
-        traced.trace(rays)
-        found.append(bench.device.take_times()["probe_trace"][1])
-    return float(np.median(found))
+def timed(forms: Sequence[Form]) -> list[Cost]:
+    """Device time of a launch of each, in turn: what slows the machine down for a while slows all of them."""
+    found: list[list[float]] = [[] for _ in forms]
+    for turn in range(ROUNDS + 1):
+        for form, seconds in zip(forms, found, strict=True):
+            form.bench.device.take_times()
+            form.traced.trace(form.rays)
+            if turn > 0:  # the first warms up
+                seconds.append(form.bench.device.take_times()["probe_trace"][1])
+    return [Cost(form.name, float(np.median(seconds)) / len(form.rays) * 1e9, form.leaks, len(form.rays), form.t_error)
+            for form, seconds in zip(forms, found, strict=True)]  # fmt: skip
 
 
 def depth_error(geometry: FlatGeometry, traced: Tracer, rays: np.ndarray) -> float:
