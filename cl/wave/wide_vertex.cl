@@ -1,7 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 // Eight vertices of paths at once, for CPUs: in each lane what wave/vertex.cl does, operation by operation, which
-// tests/image/test_wide_shading.py holds to the bit. Lanes that need what few scenes have are left to it. Materials but
-// diffuse ones, and lights but triangles, are asked one by one.
+// tests/image/test_wide_shading.py holds to the bit. Lanes that need what few scenes have are left to it. Materials
+// whose text serves eight are asked together (dispatch/material8.cl), others and lights but triangles one by one.
 #include "base/wide.cl"
 #include "base/wide_sampler.cl"
 #include "accel/geometry.cl"
