@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/math.cl"
 #include "base/portable.cl"
+#include "base/turns.cl"
 #include "base/vector.cl"
 
 // GGX (Trowbridge and Reitz 1975, Walter et al. 2007) with separable Smith masking, G = G1(wo) G1(wi): isotropic forms,

@@ -127,6 +127,12 @@ static float8 sqrt8(const float8 x)
 #endif
 }
 
+static float8 clamp8(const float8 x, const float8 low, const float8 high)
+{
+    const float8 above = x < low ? low : x;
+    return above > high ? high : above;
+}
+
 static float8 floor8(const float8 x)
 {
     return (float8)(floor_of(x.s0), floor_of(x.s1), floor_of(x.s2), floor_of(x.s3), floor_of(x.s4), floor_of(x.s5),

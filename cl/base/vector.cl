@@ -18,6 +18,7 @@ static float dot3(const float3 a, const float3 b) { return a.x * b.x + a.y * b.y
 static float3 add3(const float3 a, const float3 b) { return a + b; }
 static float3 subtract3(const float3 a, const float3 b) { return a - b; }
 static float3 multiply3(const float3 a, const float3 b) { return a * b; }
+static float3 divide3(const float3 a, const float3 b) { return a / b; }
 static float3 scale3(const float3 a, const float f) { return a * f; }
 static float3 choose3(const int which, const float3 yes, const float3 no) { return which ? yes : no; }
 

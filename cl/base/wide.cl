@@ -3,11 +3,9 @@
 #include "base/vector.cl"
 #include "base/math.cl"
 #include "base/rows8.cl"
-#include "base/turns8.cl"
 // Eight vectors side by side, one a lane, for CPUs whose compiler does not join work-items. Every function does in each
-// lane what the one of base/vector.cl, frame.cl, math.cl, mis.cl or warp.cl without the 8 in its name does, operation by
-// operation: whether something was shaded alone or among eight changes no bit. tests/device/test_wide_functions.py holds
-// them together.
+// lane what the one of base/vector.cl, frame.cl or mis.cl without the 8 in its name does, operation by operation: whether
+// something was shaded alone or among eight changes no bit. tests/device/test_wide_functions.py holds them together.
 
 #if DEVICE_CPU
 #define LANES 8u
@@ -53,6 +51,7 @@ static Rows8 four8(const float8 x, const float8 y, const float8 z, const float8 
 static Vector8 add8(const Vector8 a, const Vector8 b) { return vector8(a.x + b.x, a.y + b.y, a.z + b.z); }
 static Vector8 subtract8(const Vector8 a, const Vector8 b) { return vector8(a.x - b.x, a.y - b.y, a.z - b.z); }
 static Vector8 multiply8(const Vector8 a, const Vector8 b) { return vector8(a.x * b.x, a.y * b.y, a.z * b.z); }
+static Vector8 divide8(const Vector8 a, const Vector8 b) { return vector8(a.x / b.x, a.y / b.y, a.z / b.z); }
 static Vector8 scale8(const Vector8 a, const float8 f) { return vector8(a.x * f, a.y * f, a.z * f); }
 static Vector8 negate8(const Vector8 a) { return vector8(-a.x, -a.y, -a.z); }
 static float8 dot8(const Vector8 a, const Vector8 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
@@ -185,22 +184,6 @@ static Vector8 to_world8(const Frame8 frame, const Vector8 v)
 static Vector8 to_local8(const Frame8 frame, const Vector8 v)
 {
     return vector8(dot8(frame.s, v), dot8(frame.t, v), dot8(frame.n, v));
-}
-
-static Vector8 cosine_hemisphere8(const float8 u, const float8 v)
-{
-    const float8 a = 2.0f * u - 1.0f;
-    const float8 b = 2.0f * v - 1.0f;
-    const int8 steep = b * b > a * a;
-    const float8 r = steep ? b : a;
-    const float8 other = steep ? a : b;
-    const float8 ratio = other / (r != 0.0f ? r : (float8)(1.0f));
-    float8 s, c;
-    sin_cos_octant8(QUARTER_PI * ratio, &s, &c);
-    const float8 x = r * (steep ? s : c);
-    const float8 y = r * (steep ? c : s);
-    const float8 squared = 1.0f - (x * x + y * y);
-    return vector8(x, y, sqrt8(squared > 1.4901161e-8f ? squared : (float8)(1.4901161e-8f)));
 }
 
 static float8 power_heuristic8(const float8 own, const float8 other)

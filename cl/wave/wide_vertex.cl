@@ -2,6 +2,7 @@
 // Eight vertices of paths at once, for CPUs: in each lane what wave/vertex.cl does, operation by operation, which
 // tests/image/test_wide_shading.py holds to the bit. Lanes that need what few scenes have are left to it. Materials
 // whose text serves eight are asked together (dispatch/material8.cl), others and lights but triangles one by one.
+#include "base/warp8.cl"
 #include "base/wide.cl"
 #include "base/wide_sampler.cl"
 #include "accel/geometry.cl"
@@ -152,7 +153,7 @@ static BsdfSample8 samples_of(global const Material *materials, const Vertices8 
     BsdfSample8 known;
     known.flags = (uint8)(0u);
 #if HAS_DIFFUSE
-    known.wi = cosine_hemisphere8(u.x, u.y);
+    known.wi = cosine_hemisphere8(pair8(u.x, u.y));
     known.weight = reflectances(materials, v->material);
     known.pdf = v->kind == MATERIAL_DIFFUSE ? known.wi.z * INVERSE_PI : (float8)(0.0f);
 #else

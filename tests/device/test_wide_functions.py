@@ -26,7 +26,7 @@ CASES = {
     "frame_of": ("rows8(frame_of8(A3).s, frame_of8(A3).t.y)", "make4(frame_of(a3).s, frame_of(a3).t.y)"),
     "to_world": ("rows8(to_world8(frame_of8(A3), B3), zero)", "make4(to_world(frame_of(a3), b3), 0.0f)"),
     "to_local": ("rows8(to_local8(frame_of8(A3), B3), zero)", "make4(to_local(frame_of(a3), b3), 0.0f)"),
-    "cosine_hemisphere": ("rows8(cosine_hemisphere8(C.x, C.y), zero)", "make4(cosine_hemisphere(c.xy), 0.0f)"),
+    "cosine_hemisphere": ("rows8(cosine_hemisphere8(pair8(C.x, C.y)), zero)", "make4(cosine_hemisphere(c.xy), 0.0f)"),
     "power_heuristic": ("rows8(A3, power_heuristic8(A.w, B.w))", "make4(a3, power_heuristic(a.w, b.w))"),
     "triangle_cross": ("rows8(triangle_cross8(corners), zero)", "make4(triangle_cross(a3, b3, c3), 0.0f)"),
     "triangle_error": ("rows8(A3, triangle_error8(corners, C3))", "make4(a3, triangle_error(a3, b3, c3, c3))"),
@@ -66,6 +66,7 @@ KERNEL = """
 #include "base/wide_sampler.cl"
 #include "base/ggx8.cl"
 #include "base/fresnel8.cl"
+#include "base/warp8.cl"
 #include "base/mis.cl"
 #include "base/frame.cl"
 #include "base/warp.cl"

@@ -3,7 +3,7 @@
 The host derives `FOLDER/NAME8.cl` from `FOLDER/NAME.cl` for the files of SERVE_BOTH. What they define gets an 8 at the
 end of its name, and so does what they call there; types and the functions of base/ become those of base/wide.cl. Such a
 text chooses by `?:` of comparisons, never by `if` of a number; where it works on vectors it calls add3, subtract3,
-scale3, multiply3 and choose3, because operators know no eight vectors; and it names every component of a vector.
+scale3, multiply3, divide3 and choose3, as operators know no eight vectors; and it names every component of a vector.
 """
 
 from __future__ import annotations
@@ -11,23 +11,29 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
+_ANY_SCENE = ("conductor", "dielectric", "glossy", "mirror", "plastic", "thin_dielectric")
 # Files that serve both, and where their text of eight is compiled: on CPUs, and only what has all it calls.
 SERVE_BOTH = {
     "base/words.cl": "DEVICE_CPU",
     "base/turns.cl": "DEVICE_CPU",
+    "base/warp.cl": "DEVICE_CPU",
+    "base/polynomial.cl": "DEVICE_CPU",
     "base/bsdf.cl": "DEVICE_CPU",
     "base/fresnel.cl": "DEVICE_CPU",
     "base/ggx.cl": "DEVICE_CPU",
     "base/facets.cl": "DEVICE_CPU && !HAS_BECKMANN",
-    **{f"material/{kind}.cl": "DEVICE_CPU" for kind in ("conductor", "dielectric", "mirror", "thin_dielectric")},
+    "base/rough_boundary.cl": "DEVICE_CPU && !HAS_BECKMANN",
+    **{f"material/{kind}.cl": "DEVICE_CPU" for kind in _ANY_SCENE},
+    "material/rough_dielectric.cl": "DEVICE_CPU && !HAS_BECKMANN",
+    "material/rough_plastic.cl": "DEVICE_CPU && !HAS_BECKMANN",
     "material/rough_conductor.cl": "DEVICE_CPU && !HAS_BECKMANN && !HAS_COMPENSATION",
 }
 _TYPES = {"float": "float8", "float2": "Pair8", "float3": "Vector8", "float4": "Rows8", "int": "int8", "uint": "uint8"}
 _MAKERS = {"float2": "pair8", "float3": "vector8", "float4": "four8"}  # what stands for a constructor
 _OF_EIGHT = {
-    **{f"{name}_of": f"{name}8" for name in ("sqrt", "floor", "fma", "abs", "min", "max")},
-    **{f"{name}3": f"{name}8" for name in ("dot", "add", "subtract", "scale", "multiply", "choose", "normalize")},
-    "int_of": "int8_of",
+    **{f"{name}_of": f"{name}8" for name in ("sqrt", "floor", "fma", "abs", "min", "max", "clamp")},
+    **{f"{name}3": f"{name}8" for name in ("dot", "add", "subtract", "scale", "multiply", "divide", "choose")},
+    "normalize3": "normalize8", "renormalize3": "renormalize8", "largest3": "largest_of8", "int_of": "int8_of",
     "exact_if_cancelled": "exact_if_cancelled8",
 }
 
