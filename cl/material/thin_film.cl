@@ -39,6 +39,10 @@ static float thin_film_pdf(const ThinFilm m, const float3 wo, const float3 wi)
     return 0.0f;
 }
 
+#if HAS_PHOTON
+static float thin_film_index(const ThinFilm m) { return m.ior > 0.0f ? m.ior : 1.0f; }
+#endif
+
 static float3 thin_film_albedo(const ThinFilm m)
 {
     return m.ior == 0.0f ? film_reflectance(1.0f, m.film_ior, m.thickness, m.eta, m.k) : (float3)(1.0f);

@@ -32,14 +32,26 @@ static float adjoint(const PathVertex *v, const float3 wi_local, const float3 wi
     return out;
 }
 
-// Shadow ray from the vertex to the camera, with what the pixel `pixel` gains if nothing is in the way.
+// Whether rays of the camera do not meet the object.
+static int hidden_from_camera(global const Object *object)
+{
+#if HAS_VISIBILITY
+    return (object->flags & HIDDEN_FROM_CAMERA) != 0u;
+#else
+    return 0;
+#endif
+}
+
+// Shadow ray from the vertex to the camera, with what the pixel `pixel` gains if nothing is in the way. `hidden`: the
+// camera looks through the vertex.
 static ShadowRay sample_camera(global const Camera *camera, global const Settings *settings,
-                               global const Material *materials, const PathVertex *v, const float2 u, uint *pixel)
+                               global const Material *materials, const PathVertex *v, const int hidden, const float2 u,
+                               uint *pixel)
 {
     ShadowRay out;
     out.valid = 0;
     const LensPoint lens = lens_point(camera, v->surface.p, u);
-    *pixel = lens.seen ? pixel_at(settings, lens.at) : NONE;
+    *pixel = lens.seen && !hidden ? pixel_at(settings, lens.at) : NONE;
     const float3 wi = normalize3(lens.to);
     const float3 wi_local = to_local(v->frame, wi);
     if (*pixel == NONE || !(side_of(v, wi, wi_local.z) > 0.0f)) {
@@ -47,6 +59,11 @@ static ShadowRay sample_camera(global const Camera *camera, global const Setting
     }
     const BsdfValue bsdf = material_value(material_of(v) TABLES(v->tables), v->wo, wi_local);
     out.light = xyz(v->state) * bsdf.value * (lens.measure * adjoint(v, wi_local, wi));
+#if HAS_CAUSTICS
+    const float back = per_cosine(material_value(material_of(v) TABLES(v->tables), wi_local, v->wo).pdf, v->wo.z);
+    const float chance = camera_density(settings, wi_local.z, back, dot3(lens.to, lens.to));
+    out.light = out.light * power_heuristic(v->state.w, chance);
+#endif
 #if HAS_ABSORPTION
     out.light = out.light * absorbed(materials, medium_ahead(v, wi_local.z), length3(lens.to));
 #endif
@@ -67,12 +84,21 @@ static NextRay sample_further(global const Settings *settings, const PathVertex 
     if (!(bsdf.pdf > 0.0f) || !passes) {
         return out;
     }
+#if HAS_CAUSTICS
+    if (!(bsdf.flags & BSDF_DELTA)) {
+        return out;  // paths from the camera find the rest
+    }
+#endif
     float3 weight = bsdf.weight * adjoint(v, bsdf.wi, wi);
     if (gambles(settings, edge) && !survives(largest3(weight), u.w, &weight)) {
         return out;
     }
     const float3 onward = xyz(v->state) * weight;
+#if HAS_CAUSTICS
+    out.state = make4(onward, v->state.w);  // the density of what left the lamp
+#else
     out.state = make4(onward, bsdf.pdf);
+#endif
     out.ray = ray_from(v, wi, wi, 1);
     out.medium = medium_ahead(v, bsdf.wi.z);
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;
@@ -83,7 +109,8 @@ static NextRay sample_further(global const Settings *settings, const PathVertex 
 
 // One vertex of a path of light: a shadow ray to the camera, whose light `shadow` adds to `arrived` and `splat` takes
 // from there to its pixel (`targets`), and the next direction. `unit`: of splats, over paths a sample of the picture.
-// Race rule: every queue item owns its slot.
+// With `caustics` only what comes by single directions is asked for, and goes on. Race rule: every queue item owns its
+// slot.
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void connect(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
                     global const Camera *camera, global const Settings *settings, const uint max_depth,
@@ -115,8 +142,13 @@ kernel void connect(GEOMETRY_ARGUMENTS, global const Object *objects, global con
     const Sampler sampler = sampler_for(settings, path.z, path.w);
     uint next = 0u;
     uint pixel;
-    const ShadowRay direct = sample_camera(camera, settings, materials, &vertex, sample_2d(sampler, SET_LIGHT(edge)),
-                                           &pixel);
+#if HAS_CAUSTICS
+    const int hidden = edge == 1u || hidden_from_camera(objects + vertex.surface.object);  // direct light: shadow rays
+#else
+    const int hidden = hidden_from_camera(objects + vertex.surface.object);
+#endif
+    const ShadowRay direct = sample_camera(camera, settings, materials, &vertex, hidden,
+                                           sample_2d(sampler, SET_LIGHT(edge)), &pixel);
     if (direct.valid) {
         shadow_rays[slot] = direct.ray;
         shadow_light[slot] = make4(direct.light * unit, float_of(slot));

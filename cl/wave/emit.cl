@@ -4,6 +4,7 @@
 #include "base/sampler.cl"
 #include "accel/geometry.cl"
 #include "dispatch/light.cl"
+#include "wave/caustic.cl"
 #include "wave/path.cl"
 #include "wave/tile.cl"
 
@@ -41,10 +42,14 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
         float picked;
         const uint index = pick_light(lights, anywhere, sample_2d(sampler, SET_EMIT_LIGHT), &picked);
         const LightEmission leaving = light_emit(light_table + index, g, *around, sample_4d(sampler, SET_EMIT));
-        const float3 power = leaving.power * (1.0f / picked);
+        const float3 power = picked > 0.0f ? leaving.power * (1.0f / picked) : (float3)(0.0f);
         ray.origin = make4(leaving.origin, float_of(leaving.prim));
         ray.direction = make4(leaving.direction, largest3(power) > 0.0f ? T_MAX_FREE : MISS_AT_ONCE);
+#if HAS_CAUSTICS
+        state = make4(power, lamp_density(light_table + index));
+#else
         state = make4(power, 0.0f);
+#endif
     }
 #endif
     rays[slot] = ray;

@@ -49,12 +49,10 @@ static void note_scattering(const uint slot, const Ray onward SCATTERINGS_ARGUME
 static void go_on(const NextRay *onward, const uint slot, const uint4 path, global Ray *rays, global float4 *throughput,
                   global uint4 *paths SCATTERINGS_ARGUMENT)
 {
-    const uint edges = (path.y & PATH_EDGES) + 1u;
-    const uint words = edges | (onward->delta ? PATH_DELTA : 0u) | (onward->medium << PATH_MEDIUM_SHIFT);
     rays[slot] = onward->ray;
     throughput[slot] = onward->state;
     note_scattering(slot, onward->ray SCATTERINGS);
-    paths[slot] = (uint4)(path.x, words, path.z, path.w);
+    paths[slot] = (uint4)(path.x, words_onward(path.y, onward->delta, onward->medium), path.z, path.w);
 }
 
 // Whether the path scatters in a body before it meets a surface: then it is alive from there, or it ends. Adds no edge;
@@ -73,7 +71,7 @@ static int walk_on(const Shading *s, const Ray ray, const Hit hit, const uint4 p
     if (flight.scattered && !flight.ended) {
         s->rays[slot] = flight.ray;
         s->throughput[slot] = flight.state;
-        s->paths[slot] = (uint4)(path.x, path.y | PATH_DELTA, path.z, path.w);
+        s->paths[slot] = (uint4)(path.x, (path.y & ~PATH_CAUSTIC) | PATH_DELTA, path.z, path.w);
         note_scattering(slot, flight.ray SCATTERINGS);
         s->status[item] = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
     }

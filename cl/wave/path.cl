@@ -1,9 +1,16 @@
 #pragma OPENCL FP_CONTRACT OFF
 // State of a path between waves, one slot each: throughput (xyz) with the pdf of its last direction (w), and path words:
-// x = index in `samples`, y = edges so far | medium << PATH_MEDIUM_SHIFT | PATH_DELTA, z = pixel_name, w = sample number.
+// x = index in `samples`, y = edges so far | medium << PATH_MEDIUM_SHIFT | PATH_DELTA | PATH_CAUSTIC, z = pixel_name,
+// w = sample number.
 
 #define PATH_DELTA 0x80000000u  // the last direction came from a single-direction lobe: no light sampling competes
+#if HAS_CAUSTICS
+#define PATH_CAUSTIC 0x8000u  // scattered to many directions where the camera looks, and to single ones ever since
+#define PATH_EDGES 0x7fffu
+#else
+#define PATH_CAUSTIC 0u
 #define PATH_EDGES 0xffffu
+#endif
 #define PATH_MEDIUM_SHIFT 16  // index + 1 of the absorbing material that the path is inside of; 0: none
 
 // Where a path last scattered (xyz), and how many surfaces it passed as if they were not there (w, bits).
@@ -39,6 +46,31 @@
 #define SET_BLEND(edge) (0x2000000u + (edge))
 #define SET_EMIT 0x3000000u  // where light leaves a light, and which light
 #define SET_EMIT_LIGHT 0x3000001u
+
+// How likely the vertex that the camera sees was to send the path the way it went (wave/caustic.cl).
+#if HAS_CAUSTICS
+#define DENSITIES_ARGUMENT , global float *densities
+#define DENSITIES , densities
+#define DENSITY_OF(slot) densities[slot]
+#else
+#define DENSITIES_ARGUMENT
+#define DENSITIES
+#define DENSITY_OF(slot) 0.0f
+#endif
+
+// Whether light that is traced from the lamps could have found what the path meets now.
+static int is_caustic(const uint words)
+{
+    return (words & PATH_CAUSTIC) != 0u && (words & PATH_DELTA) != 0u;
+}
+
+// The words of a path that goes on from its vertex, behind `words`, along a single direction or not.
+static uint words_onward(const uint words, const int delta, const uint medium)
+{
+    const uint edges = (words & PATH_EDGES) + 1u;
+    const uint mark = edges == 2u ? (delta ? 0u : PATH_CAUSTIC) : (delta ? words & PATH_CAUSTIC : 0u);
+    return edges | mark | (delta ? PATH_DELTA : 0u) | (medium << PATH_MEDIUM_SHIFT);
+}
 
 #define LOOK_AHEAD 8u  // items of a queue between the one at work and the one whose slot is asked for
 

@@ -16,6 +16,7 @@
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
+#include "wave/caustic.cl"
 #include "wave/roulette.cl"
 #include "wave/walk.cl"
 
@@ -69,6 +70,9 @@ typedef struct {
     int valid;
 #if HAS_NESTED
     int to_front;  // of the surface
+#endif
+#if HAS_CAUSTICS
+    float per_cosine;  // density of its direction over the cosine
 #endif
 } NextRay;
 
@@ -211,7 +215,7 @@ static float chance_weight(global const Settings *settings, const uint path_edge
 
 static float3 emission_seen(const Lights lights, const LightPlace from, global const Settings *settings,
                             const Geometry g, global const Object *objects, const PathVertex v, const Ray ray,
-                            const Hit hit, const uint path_edges)
+                            const Hit hit, const uint path_edges, const float density)
 {
 #if HAS_EMITTER
     global const Object *object = objects + v.surface.object;
@@ -220,6 +224,9 @@ static float3 emission_seen(const Lights lights, const LightPlace from, global c
     }
     const uint index = object->light + (hit.prim - object->first);
     const float3 emitted = xyz(v.state) * emitter_seen(lights.table + index, g, &v.surface, v.cos_o);
+    if (is_caustic(path_edges)) {
+        return emitted * caustic_weight(lights.table + index, density);
+    }
     if (!competes(settings, path_edges)) {  // no need to ask how likely a shadow ray would have been
         return emitted * chance_weight(settings, path_edges, v.state.w, 0.0f);
     }
@@ -359,6 +366,9 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     }
 #endif
     out.state = make4(onward, bsdf.pdf);
+#if HAS_CAUSTICS
+    out.per_cosine = per_cosine(bsdf.pdf, bsdf.wi.z);
+#endif
     out.ray = ray_from(v, wi, wi, 1);
     out.valid = strongest > 0.0f || strongest != strongest;
     return out;

@@ -12,7 +12,7 @@ from raytide.kernels.features import kinds
 from raytide.render.schedule import AOV, VARIANTS, WAVES
 from raytide.scene.materials import MATERIALS
 
-LIGHT = ("emit", "connect", "splat")  # waves of integrator photon alone
+LIGHT = ("emit", "connect", "splat")  # waves of light that is traced from the lights
 NONE_ON = Features(triangles=False, tree=False, sobol=False)
 ALL_ON = Features(
     materials=tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS)),
@@ -37,7 +37,7 @@ def assert_no_warnings(device: Device, cases: dict[str, Features]) -> None:
     sources = {}
     for name, features in cases.items():
         tracing = [wave for variant in VARIANTS if variant.fits(device.kind, features) for wave in variant.waves]
-        waves = [one for one in (*WAVES, *tracing, AOV) if features.photon or one.name not in LIGHT]
+        waves = [one for one in (*WAVES, *tracing, AOV) if features.emits or one.name not in LIGHT]
         for wave in {one.name: one for one in waves}.values():
             source = assemble(wave.entry, wave.features(features))
             sources.setdefault(source.sha256, (f"{wave.name}, {name}", source))

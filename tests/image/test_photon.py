@@ -68,13 +68,17 @@ def afar() -> rt.Scene:
     return scene
 
 
-def in_glass() -> rt.Scene:
+def in_glass(clear: rt.Material | None = None) -> rt.Scene:
     """Camera and floor in one block of glass, and the lamp above it: light that enters is not thinned out."""
     scene = base(target=(0, 0.1, 0.4), fov=22)
-    scene.add(rt.box((-3, -1, -3), (3, 1.8, 4)), rt.Dielectric(1.5), name="block")
+    scene.add(rt.box((-3, -1, -3), (3, 1.8, 4)), clear or rt.Dielectric(1.5), name="block")
     scene.add(rt.rect((0, 2.2, 0), u=(3, 0, 0), v=(0, 0, 3)), rt.Emit(3.0), name="lamp")
     scene.add(rt.sphere((0.4, 0.5, 0), 0.4), rt.Diffuse(0.8), name="ball")
     return scene
+
+
+def in_film() -> rt.Scene:
+    return in_glass(rt.ThinFilm(300.0, ior=1.5))
 
 
 def frosted() -> rt.Scene:
@@ -119,7 +123,7 @@ def tiles(images: np.ndarray) -> np.ndarray:
     return np.concatenate([parts, images.mean(axis=(1, 2))[:, None]], axis=1)
 
 
-@pytest.mark.parametrize("scene", [lamps, afar, in_glass, frosted, cast])
+@pytest.mark.parametrize("scene", [lamps, afar, in_glass, in_film, frosted, cast])
 def test_light_traced_either_way_gives_one_picture(device: Device, scene: object) -> None:
     made = [tiles(pictures(device, scene(), integrator=name)) for name in ("path", "photon")]  # type: ignore[operator]
     variance = sum(one.var(axis=0, ddof=1) / SEEDS for one in made)

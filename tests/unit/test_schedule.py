@@ -9,7 +9,7 @@ from raytide.errors import UsageError
 from raytide.kernels.constants import TILE
 from raytide.kernels.records import RECORDS
 from raytide.render.error import estimate
-from raytide.render.lights import _alias_table
+from raytide.render.lights import alias_table
 from raytide.render.schedule import LARGEST_PASS, chunks, passes, plan_waves
 from raytide.render.tile_evidence import tile_sums
 
@@ -47,12 +47,12 @@ def test_budget_below_one_tile_is_refused() -> None:
         plan_waves("pocl", 2, 1000, 1 << 20, 1 << 40)
 
 
-def test_alias_table_gives_the_probabilities_it_states() -> None:
+def testalias_table_gives_the_probabilities_it_states() -> None:
     rng = np.random.default_rng(3)
     lights = np.zeros(37, RECORDS["Light"].dtype)
     importance = rng.exponential(size=37) ** 4
     importance[5] = 0.0
-    _alias_table(lights, importance, np.arange(37))
+    alias_table(lights, importance, np.arange(37))
     stay = lights["threshold"].astype(float)
     exact = stay / 37
     np.add.at(exact, lights["alias"], (1 - stay) / 37)

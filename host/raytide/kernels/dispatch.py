@@ -8,7 +8,8 @@ from __future__ import annotations
 from raytide.kernels.features import SKIES, Features, Parameters
 from raytide.kernels.records import MATERIAL_FLOATS
 
-REFRACTING = ("dielectric", "principled", "rough_dielectric")  # materials that thin radiance out: they have NAME_index
+# Materials that thin radiance out: they have NAME_index
+REFRACTING = ("dielectric", "principled", "rough_dielectric", "thin_film")
 TABLE = "table"  # the parameter that holds the place of a material's table [records]
 _TYPES = {1: "float", 3: "float3", 4: "float4"}
 _MATERIAL_FUNCTIONS = {

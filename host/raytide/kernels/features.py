@@ -51,6 +51,7 @@ class Features:
     center: bool = False  # every ray through the exact pixel centre
     local: bool = False  # integrator local, else path
     photon: bool = False  # integrator photon: light is traced from the lights to the camera
+    caustics: bool = False  # integrator path: light that mirrors and clear glass gather is traced so
     sobol: bool = True  # else plain random numbers
     chance_sky: bool = False  # the sky is found by rays that scatter alone, never by shadow rays
     light_tree: bool = False  # lights are picked by a tree of bounds, else by an alias table
@@ -80,6 +81,11 @@ class Features:
     def picked_lights(self) -> tuple[str, ...]:
         """Kinds that shadow rays go to."""
         return tuple(kind for kind in self.lights if not (self.chance_sky and kind in WHOLE_SKIES))
+
+    @property
+    def emits(self) -> bool:
+        """Whether light is traced from the lights."""
+        return self.photon or self.caustics
 
     def switches(self) -> dict[str, bool]:
         """Every switch by name, HAS_ left away; programs define those that they mention as 0 or 1."""

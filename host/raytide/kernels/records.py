@@ -179,7 +179,7 @@ _TABLE = (
         ("uint", "material", "", "index"),
         ("uint", "light", "", "first light of its emissive primitives, or NONE"),
         ("uint", "first", "", "first primitive id"),
-        ("uint", "flags", "", "zero"),
+        ("uint", "flags", "", "HIDDEN_FROM_*: the kinds of ray that do not meet it"),
     ),
     _record(
         "Material",
@@ -204,7 +204,7 @@ _TABLE = (
         ("float4", "position", "m", "xyz; w = probability of being picked"),
         ("float4", "direction", "", "unit; way of the light; triangle: normal; sky: w = beyond poles; cast: w = up"),
         ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance; w = bits of a slot"),
-        ("float4", "extra", "", "spot: zw = cutoff, fade; emitter: x two-sided, y area, z never met; cast: xy = up"),
+        ("float4", "extra", "", "spot: zw = cutoff, fade; emitter: two-sided, area, never met, density; cast: xy = up"),
     ),
     _record(
         "LightNode",
@@ -280,7 +280,8 @@ _TABLE = (
         ("uint", "block_bits", "", "sampler blue_noise: log2 of the samples in a pixel's block; even"),
         ("uint", "sun_count", "", "lights that are disks at infinity; they come first"),
         ("uint", "first_medium", "", "of `media`, the one of the highest rank"),
-        *[("uint", f"pad{i}", "", "zero") for i in range(2)],
+        ("float", "camera_density", "1/sr or 1/m^2", "of camera rays at distance 1, to paths of light; caustics"),
+        ("uint", "pad", "", "zero"),
         ("uint4", "media", "", "clear bodies around the camera: two a word, number of the material plus one"),
     ),
 )

@@ -1,4 +1,5 @@
 """Integrator photon: light is traced from the lights through the scene, and every vertex asks what the camera sees.
+With `caustics` integrator path leaves to it what mirrors and clear glass gather where the camera looks, and no more.
 
 A pass sends out one path for each of the picture's pixels and samples, wherever it may end, and adds what arrives to
 the pixels in whole units (cl/wave/splat.cl), so that order changes nothing. The film adds a pass's sum, shared out
@@ -8,111 +9,71 @@ evenly, to each of the pass's samples; what the camera sees of the lights themse
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.accel import FlatGeometry
 from raytide.device import Buffer, Device
 from raytide.errors import Problem, SceneError
 from raytide.kernels.constants import SPLAT_WORDS, TILE
-from raytide.kernels.features import kind_number
-from raytide.render.pack import PackedScene
+from raytide.render.emission import emitted_power, sphere_around
+from raytide.render.pack import PackedScene, film_area, surfaces_of
 from raytide.render.schedule import Chunk
-from raytide.render.textures import has_relief, sky_radiance
+from raytide.render.textures import has_relief
 from raytide.render.waves import Waves
-from raytide.scene.flatten import FlatScene
+from raytide.scene.flatten import FlatScene, FlatShape
 from raytide.scene.lights import SKY_LIGHTS, DirectionalLight
 
+LONGEST_WITH_CAUSTICS = 2**15 - 1  # edges: paths keep one bit of their number for a mark (PATH_CAUSTIC)
 SPLAT_BYTES = 4 * SPLAT_WORDS  # a pixel
 FRACTION_BITS = 36  # of a unit below the brightness that the scene's lights promise: what is dimmer by 2^-37 is lost
 _LIMIT = 90  # exponents of units stay where float32 has all its digits
-_LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
 
 
-def check_photon(flat: FlatScene) -> None:
+def check_light_paths(flat: FlatScene) -> None:
     """Raises SceneError, with all reasons, where light cannot be traced to the camera."""
     render, found = flat.render, []
+    alone = render.integrator == "photon"
+    asked = "integrator photon" if alone else "caustics"
+    if render.caustics and render.integrator != "path":
+        found.append(Problem("render.caustics", f"true with integrator {render.integrator}", "integrator path"))
+    if render.caustics and render.max_depth > LONGEST_WITH_CAUSTICS:
+        wanted = f"at most {LONGEST_WITH_CAUSTICS} with caustics"
+        found.append(Problem("render.max_depth", str(render.max_depth), wanted))
     if render.filter != "box" or render.width != 1.0:
         came = f"{render.filter} of width {render.width:g}"
-        found.append(Problem("render.filter", came, "box of width 1 with integrator photon"))
+        found.append(Problem("render.filter", came, f"box of width 1 with {asked}"))
     if render.adaptive:
-        found.append(Problem("render.adaptive", "true", "false with integrator photon, whose paths choose no pixel"))
+        found.append(Problem("render.adaptive", "true", f"false with {asked}: paths of light choose no pixel"))
     if has_relief(flat):
-        found.append(Problem("materials", "a normal or bump map", "none with integrator photon: their normals turn "
-                             "towards the viewer, whom light does not know"))  # fmt: skip
+        found.append(Problem("materials", "a normal or bump map", f"none with {asked}: their normals turn towards the "
+                             "viewer, whom light does not know"))  # fmt: skip
     if any("priority" in model.model_fields_set for model in flat.materials):
-        found.append(Problem("materials", "clear bodies with a priority", "none with integrator photon: light that "
-                             "starts within bodies does not know them"))  # fmt: skip
-    endless = any(isinstance(light, (DirectionalLight, *SKY_LIGHTS)) for light in flat.lights)
-    if endless and any(shape.kind == "plane" for shape in flat.shapes):
-        found.append(Problem("objects", "an infinite plane under light from infinity", "a rectangle with integrator "
-                             "photon, which cannot send light to all of a plane"))  # fmt: skip
+        found.append(Problem("materials", "clear bodies with a priority", f"none with {asked}: light that starts "
+                             "within bodies does not know them"))  # fmt: skip
+    endless = any(isinstance(light, (DirectionalLight, *(SKY_LIGHTS if alone else ()))) for light in flat.lights)
+    if endless and any(_is_met(flat, shape, alone) for shape in flat.shapes if shape.kind == "plane"):
+        found.append(Problem("objects", "an infinite plane under light from infinity", f"a rectangle with {asked}: "
+                             "light cannot be sent to all of a plane"))  # fmt: skip
     if found:
         raise SceneError(found)
 
 
-@dataclass(frozen=True)
-class Around:
-    """Sphere around all that has an end, relative to the geometry's origin."""
-
-    center: np.ndarray
-    radius: float
-
-    def record(self) -> np.ndarray:
-        """(4,) float32: centre and radius."""
-        return np.array([*self.center, self.radius], np.float32)
+def _is_met(flat: FlatScene, shape: FlatShape, alone: bool) -> bool:
+    """Whether light is to be sent straight to a shape: with `caustics` only to what is specular."""
+    material = flat.objects[shape.object].material
+    return alone or any(flat.materials[i].is_specular for i in surfaces_of(flat, material))
 
 
-def sphere_around(geometry: FlatGeometry) -> Around:
-    """Half the diagonal of the box around triangles, shapes and instances, but for infinite planes, as radius."""
-    shapes = geometry.shapes[geometry.plane_count :]
-    own, placed = np.split(shapes, [len(shapes) - geometry.instance_count])
-    reach = sum(np.abs(own[axis][:, :3].astype(float)) for axis in "uvw") if len(own) else np.zeros((0, 3))
-    corner = lambda names: np.stack([placed[name][:, 3] for name in names], axis=1).astype(float)  # noqa: E731
-    used = geometry.vertices[np.unique(geometry.triangles[:, :3])][:, :3].astype(float)
-    points = np.concatenate([
-        used, own["center"][:, :3] - reach, own["center"][:, :3] + reach,
-        corner(("inverse_u", "inverse_v", "inverse_w")), corner("uvw"),
-    ])  # fmt: skip
-    if not len(points):
-        return Around(np.zeros(3), 1.0)
-    low, high = points.min(axis=0), points.max(axis=0)
-    return Around((low + high) / 2, max(float(np.linalg.norm(high - low)) / 2 * 1.00001, 1e-30))
-
-
-def unit_exponent(flat: FlatScene, packed: PackedScene, around: Around) -> int:
+def unit_exponent(flat: FlatScene, packed: PackedScene, table: np.ndarray, power: np.ndarray, radius: float) -> int:
     """log2 of the unit of splats [radiance]: 2^-FRACTION_BITS of what a white surface as far off as the scene is large
-    would show of a path of the strongest light. Brighter paths have 2^25 of that above them."""
-    table, radius = packed.lights, around.radius
-    brightness = table["radiance"][:, :3].astype(float) @ _LUMINANCE
-    disk = math.pi * radius**2
-    cone = 2 * math.pi * (1 - np.cos(table["extra"][:, 2].astype(float)))
-    up = np.column_stack([table["extra"][:, :2], table["direction"][:, 3]]).astype(float)
-    factors = {
-        "point": np.full(len(table), 4 * math.pi),
-        "spot": cone,
-        "textured_spot": cone,
-        "projector": 4 * table["extra"][:, 3] / np.maximum(np.sum(up**2, axis=1), 1e-30),
-        "sun": disk / np.maximum(table["extra"][:, 1], 1e-30),
-        "directional": np.full(len(table), disk),
-        "environment": np.full(len(table), math.pi * disk),
-        "environment_map": np.full(len(table), math.pi * disk * _sky_mean(flat)),
-        "emitter": math.pi * table["extra"][:, 1].astype(float),
-    }
-    power = np.zeros(len(table))
-    for kind, factor in factors.items():
-        power = np.where(table["kind"] == kind_number("light", kind), brightness * factor, power)
-    raster, size = packed.camera["raster"][0].astype(float), flat.camera.size
-    film = abs(raster[2] * raster[3]) * size[0] * size[1]
+    would show of a path of the strongest light, by their `power` and the shares in `table`. Brighter paths have 2^25 of
+    that above them."""
+    film = film_area(packed.camera) * flat.camera.size[0] * flat.camera.size[1]
     seen = math.pi * film * (1.0 if flat.camera.type == "orthographic" else radius**2)
-    strongest = float(np.max(power / np.maximum(table["position"][:, 3], 1e-30), initial=0.0)) / seen
+    shares = table["position"][:, 3]
+    strongest = float(np.max(power[shares > 0] / shares[shares > 0], initial=0.0)) / seen
     wanted = math.floor(math.log2(strongest)) - FRACTION_BITS if 0 < strongest < math.inf else -FRACTION_BITS
     return max(-_LIMIT, min(wanted, _LIMIT))
-
-
-def _sky_mean(flat: FlatScene) -> float:
-    return 0.0 if flat.textures.sky is None else float(np.mean(sky_radiance(flat.textures.sky).astype(float)))
 
 
 class LightPaths:
@@ -124,7 +85,12 @@ class LightPaths:
         self._max_depth = flat.render.max_depth
         around = sphere_around(packed.geometry)
         self._around = device.upload(around.record())
-        self.unit = 2.0 ** unit_exponent(flat, packed, around)
+        lights = packed.lights if packed.sending is None else packed.sending
+        self._lights = waves.scene.lights[0] if packed.sending is None else device.upload(packed.sending)
+        # The kind of the rays that leave lights: what a path from the camera would have sent there.
+        self._met_by = "shadow" if packed.sending is None else "indirect"
+        power = emitted_power(flat, lights, around.radius)
+        self.unit = 2.0 ** unit_exponent(flat, packed, lights, power, around.radius)
         self._scale = 1.0 / (self.unit * width * height)
         self.splats = device.empty(width * height * SPLAT_BYTES)
         self._targets = device.empty(waves.plan.capacity * 4)
@@ -157,12 +123,12 @@ class LightPaths:
         place, _, count = numbers[:3]
         self.device.launch(
             waves.programs["emit"], "emit", count, 64,
-            *scene.geometry("indirect"), scene.lights[0], *scene.textures, waves.settings, self._around,
+            *scene.geometry("indirect"), self._lights, *scene.textures, waves.settings, self._around,
             waves.queues[0], *(np.uint32(x) for x in numbers),
             waves.path_rays, waves.throughput, waves.paths, *waves.scatterings,
             label="emit",
         )  # fmt: skip
-        waves.extend(place, count, "emitted", "shadow")
+        waves.extend(place, count, "emitted", self._met_by)
 
     def _connect(self, count: int, label: str, health: Buffer) -> tuple[int, np.ndarray]:
         """Deals with what `count` queued paths met; `label` is that of their shadow rays. Gives those that go on, and

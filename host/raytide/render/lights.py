@@ -34,7 +34,7 @@ from raytide.scene.transform import matrix_of
 PLACED = (PointLight, SpotLight, ProjectorLight)  # lights of one point
 _EQUAL_SHARE = 0.25
 _LUMINANCE = np.array((0.2126, 0.7152, 0.0722))  # Rec. 709
-_UNPICKED = -1  # group of lights that are left to rays that scatter
+UNPICKED = -1  # group of lights that are left to rays that scatter
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def pack_lights(
             weights[-1] += _sky(row, light, flat, textures)
     groups = [np.arange(len(declared))]
     if left_to_scattering(flat):
-        groups[0][environment] = _UNPICKED
+        groups[0][environment] = UNPICKED
     parts = [declared]
     importance = [np.asarray(weights, float)]
     intensity = [(declared["radiance"][:, :3] * shown) @ _LUMINANCE]
@@ -110,13 +110,13 @@ def pack_lights(
         count += len(prims)
     lights = np.concatenate(parts)
     weight, group = np.concatenate(importance), np.concatenate(groups)
-    picked, shine = group != _UNPICKED, np.concatenate(intensity)
+    picked, shine = group != UNPICKED, np.concatenate(intensity)
     if choice == "tree" and picked.any():
         return PackedLights(lights, environment, _light_tree(lights, geometry, weight, shine, picked))
     if choice == "uniform":
         weight, group = np.ones(count), np.arange(count)
     if count:
-        _alias_table(lights, weight, group)
+        alias_table(lights, weight, group)
     return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
 
 
@@ -279,10 +279,13 @@ def triangle_planes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return length / 2, cross / np.where(length > 0, length, 1.0)[:, None]
 
 
-def _alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
-    """Fills alias, threshold and pick probability (Vose 1991), probabilities being those of the rounded table."""
+def alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) -> None:
+    """Fills alias, threshold and pick probability (Vose 1991), probabilities being those of the rounded table.
+
+    Shares are those of `importance`, mixed with equal ones for each of `groups`; UNPICKED there means no share.
+    """
     n = len(lights)
-    picked = groups != _UNPICKED
+    picked = groups != UNPICKED
     if not picked.any():
         return  # every probability stays 0
     importance = np.where(picked & np.isfinite(importance) & (importance > 0), importance, 0.0)

@@ -24,6 +24,7 @@ from raytide.kernels.constants import (
 )
 from raytide.kernels.features import WHOLE_SKIES, Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
+from raytide.render.emission import caustic_lights, sphere_around
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
 from raytide.render.lights import choice_of, left_to_scattering, pack_lights
 from raytide.render.measured import place_tables
@@ -53,6 +54,7 @@ class PackedScene:
     meshes: list[PackedMesh]
     media: np.ndarray  # (4,) uint32: clear bodies around the camera, where bodies may overlap
     first_medium: int  # the one of them that counts
+    sending: np.ndarray | None  # `lights` as they send out light for caustics
 
     @property
     def nbytes(self) -> int:
@@ -114,6 +116,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         center=render.filter == "centre",
         local=render.integrator == "local",
         photon=render.integrator == "photon" and bool(lights),
+        caustics=render.caustics and render.max_depth > 2 and bool(lights - {*WHOLE_SKIES}) and has_specular(flat),
         chance_sky=chance_sky,
         light_tree=light_tree,
         sobol=render.sampler != "random",
@@ -121,6 +124,16 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         adaptive=render.adaptive,
         **{name: everything or name in asked for name in SWITCHES},
     )
+
+
+def has_specular(flat: FlatScene) -> bool:
+    """Whether a surface may scatter light into single directions."""
+    return any(flat.materials[i].is_specular for thing in flat.objects for i in surfaces_of(flat, thing.material))
+
+
+def film_area(camera: np.ndarray) -> float:
+    """Area that a pixel of the record `camera` covers at distance 1 [m^2]; where there is no perspective, at any."""
+    return float(abs(camera["raster"][0][2] * camera["raster"][0][3]))
 
 
 def surface_of(flat: FlatScene, material: int) -> int:
@@ -154,6 +167,8 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
         media, first_medium = media_at(flat, materials, origin)
     textures = pack_textures(flat, features, materials)
     lights = pack_lights(flat, geometry, objects, origin, planes_first, textures, choice_of(flat))
+    radius = sphere_around(geometry).radius
+    sending = caustic_lights(flat, lights.table, objects, radius) if features.caustics else None
     return PackedScene(
         geometry=geometry,
         normals=_normals(flat, features),
@@ -168,6 +183,7 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
         meshes=meshes,
         media=media,
         first_medium=first_medium,
+        sending=sending,
     )
 
 
@@ -232,6 +248,7 @@ def _objects(flat: FlatScene, planes_first: list[int]) -> np.ndarray:
     objects = np.zeros(len(flat.objects), RECORDS["Object"].dtype)
     place_of = {j: place for place, j in enumerate(planes_first)}
     ids = first_ids(flat)
+    objects["flags"] = _hidden(flat)
     for row, thing in zip(objects, flat.objects, strict=True):
         row["material"] = surface_of(flat, thing.material)
         row["light"] = NONE

@@ -153,7 +153,7 @@ class Renderer:
         most = schedule.tiles_of((width, height)) * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes,
                                         schedule.slot_bytes_of(self.features))  # fmt: skip
-        pixel_bytes = PIXEL_BYTES + (SPLAT_BYTES if self.features.photon else 0)
+        pixel_bytes = PIXEL_BYTES + (SPLAT_BYTES if self.features.emits else 0)
         needed = width * height * pixel_bytes + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
             raise UsageError(
@@ -168,7 +168,7 @@ class Renderer:
         pixels_of = self.frame.pixels_of
         self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan,
                            self.trial, pixels_of, self.frame.faults)  # fmt: skip
-        if self.features.photon:
+        if self.features.emits:
             self.frame.light = LightPaths(self.device, self.waves, self.flat, self.packed)
         self._begin()
 

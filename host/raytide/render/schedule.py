@@ -20,6 +20,7 @@ MEDIA_BYTES = 16  # a slot more where clear bodies overlap
 SCATTERING_BYTES = 16  # a slot more where materials have an opacity
 NORMAL_BYTES = 4  # a slot more where lights are picked by a tree
 TARGET_BYTES = 4  # a slot more where light is traced to the camera
+DENSITY_BYTES = 4  # a slot more where paths of light and paths from the camera weigh each other
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Wave:
     needed: Callable[[Features], bool] = lambda features: True
     traces: bool = False
     ignores: tuple[str, ...] = ()  # switches that it has no use for
+    lit: bool = False  # it traces or takes light from the lights, alike for integrator photon and for caustics
 
     @property
     def entry(self) -> str:
@@ -38,7 +40,8 @@ class Wave:
     def features(self, features: Features) -> Features:
         """Those that this program is built with: one that reads no tree, or only the wide one, knows no layouts."""
         ignored = dict.fromkeys((*self.ignores, *(() if self.traces else ("compact",))), False)
-        return replace(features, **ignored)  # type: ignore[arg-type]
+        photon = features.emits if self.lit else features.photon
+        return replace(features, photon=photon, **ignored)  # type: ignore[arg-type]
 
 
 WAVES = (
@@ -47,10 +50,10 @@ WAVES = (
     Wave("shade"),
     Wave("partition"),
     Wave("shadow", lambda features: bool(features.picked_lights), traces=True),
-    Wave("film"),
-    Wave("emit", lambda features: features.photon, ignores=("light_tree",)),
-    Wave("connect", lambda features: features.photon, ignores=("light_tree",)),
-    Wave("splat", lambda features: features.photon),
+    Wave("film", lit=True),
+    Wave("emit", lambda features: features.emits, ignores=("light_tree",), lit=True),
+    Wave("connect", lambda features: features.emits, ignores=("light_tree",), lit=True),
+    Wave("splat", lambda features: features.emits, lit=True),
 )
 AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
@@ -128,7 +131,7 @@ class WavePlan:
 def slot_bytes_of(features: Features) -> int:
     """What the wave buffers hold for each path."""
     optional = SCATTERING_BYTES * features.opacity + MEDIA_BYTES * features.nested + NORMAL_BYTES * features.light_tree
-    return SLOT_BYTES + optional + TARGET_BYTES * features.photon
+    return SLOT_BYTES + optional + TARGET_BYTES * features.emits + DENSITY_BYTES * features.caustics
 
 
 def plan_waves(

@@ -9,9 +9,9 @@ import numpy as np
 
 from raytide.errors import SceneError, UsageError
 from raytide.kernels.records import RECORDS
-from raytide.render.light_paths import check_photon
+from raytide.render.light_paths import check_light_paths
 from raytide.render.lights import left_to_scattering, shadows_alone
-from raytide.render.pack import PackedScene
+from raytide.render.pack import PackedScene, film_area
 from raytide.render.schedule import tiles_across
 from raytide.scene.check import crop_problem
 from raytide.scene.flatten import FlatScene
@@ -35,8 +35,8 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
     if problem:
         raise SceneError([problem])
     out = replace(flat, camera=camera, render=render)
-    if render.integrator == "photon":
-        check_photon(out)
+    if render.integrator == "photon" or render.caustics:
+        check_light_paths(out)
     return out
 
 
@@ -59,6 +59,8 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     sky_alone = len(packed.lights) == 1 and left_to_scattering(flat)
     row["light_count"], row["environment"] = 0 if sky_alone else len(packed.lights), packed.environment
     row["filter_radius"] = render.width / 2
+    if packed.sending is not None:
+        row["camera_density"] = 1.0 / (film_area(packed.camera) * width * height)
     row["media"], row["first_medium"] = packed.media, packed.first_medium
     row["sun_count"] = sum(light.kernel == "sun" for light in flat.lights)
     row["shadows"] = render.shadows

@@ -51,6 +51,11 @@ class Material(Table):
         """Whether light passes: the kernels then tell the front from the back."""
         return False
 
+    @property
+    def is_specular(self) -> bool:
+        """Whether it may scatter light into single directions (flag BSDF_DELTA of the kernels)."""
+        return False
+
     def switches(self) -> frozenset[str]:
         """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""
         back = "one_sided" if "two_sided" in self.model_fields_set and self.type != "emissive" else ""
@@ -119,6 +124,10 @@ class Facets(Material):
 
     def switches(self) -> frozenset[str]:
         return super().switches() | ({"beckmann"} if "distribution" in self.model_fields_set else set())
+
+    @property
+    def is_specular(self) -> bool:
+        return bool({"roughness", "roughness_u", "roughness_v"} & set(self.textures()))  # which may be 0 somewhere
 
     def parameter(self, name: str) -> Any:
         return self.distribution == "beckmann" if name == "beckmann" else super().parameter(name)

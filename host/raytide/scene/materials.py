@@ -62,6 +62,10 @@ class Mirror(Material):
     type: Literal["mirror"] = "mirror"
     reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="share of light that is reflected")
 
+    @property
+    def is_specular(self) -> bool:
+        return True
+
 
 class Glossy(Material):
     """Opaque, from diffuse (specular = 0) to specular (specular = 1): Lambert mixed with a GGX lobe."""
@@ -74,12 +78,20 @@ class Glossy(Material):
     specular_color: Reflectance = key((1.0, 1.0, 1.0), doc="reflectance of the specular part")
     roughness: Number = key(0.2, low=1e-4, high=1, doc="GGX alpha of the specular part")
 
+    @property
+    def is_specular(self) -> bool:
+        return "roughness" in self.textures()  # which may be 0 somewhere
+
 
 class Conductor(Metal):
     """A smooth metal: a preset, or eta and k."""
 
     PARAMETERS = (("eta", 3), ("k", 3), ("specular_reflectance", 3))
     type: Literal["conductor"] = "conductor"
+
+    @property
+    def is_specular(self) -> bool:
+        return True
 
 
 class RoughConductor(Metal, StretchedFacets):
@@ -127,6 +139,10 @@ class Dielectric(Body):
     PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
     type: Literal["dielectric"] = "dielectric"
 
+    @property
+    def is_specular(self) -> bool:
+        return True
+
 
 class RoughDielectric(Body, StretchedFacets):
     """A rough boundary to glass, water, ...: ground glass. The normal points out of the material."""
@@ -152,6 +168,10 @@ class ThinDielectric(Boundary):
 
     PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
     type: Literal["thin_dielectric"] = "thin_dielectric"
+
+    @property
+    def is_specular(self) -> bool:
+        return True
 
 
 class Plastic(Material):
@@ -180,6 +200,10 @@ class Plastic(Material):
             raise ValueError(f"came ior / exterior_ior = {ratio:g}; wanted at least 1.001")
         return self
 
+    @property
+    def is_specular(self) -> bool:
+        return True  # by its coat
+
     def _internal(self) -> float:
         return diffuse_reflectance(self.exterior_ior / self.ior)
 
@@ -205,6 +229,10 @@ class RoughPlastic(Plastic, Facets):
     PLAIN: ClassVar[tuple[str, ...]] = ("ior", "roughness")
     type: Literal["rough_plastic"] = "rough_plastic"  # type: ignore[assignment]
     roughness: Number = key(0.1, low=1e-3, high=1, doc="alpha of the facets")
+
+    @property
+    def is_specular(self) -> bool:
+        return False
 
     def _fit(self) -> tuple[tuple[float, ...], float]:
         return coat_fit(self.roughness, self.distribution == "beckmann", self.ior / self.exterior_ior)
@@ -288,6 +316,10 @@ class ThinFilm(Material):
         if self.film_ior * self.thickness > 2000:
             raise ValueError(f"came film_ior x thickness = {self.film_ior * self.thickness:g} nm; wanted at most 2000")
         return self
+
+    @property
+    def is_specular(self) -> bool:
+        return True
 
     @property
     def transmits(self) -> bool:

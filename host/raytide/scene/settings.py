@@ -55,6 +55,10 @@ class RenderSettings(Table):
     bvh: Literal["sah", "sah-hq", "lbvh", "none"] = key(
         "sah", doc="tree builder: sah-hq builds longer and traces faster; none tests every primitive"
     )
+    caustics: Flag = key(
+        False, doc="integrator path: light that mirrors and clear glass send to surfaces that the camera sees is "
+        "traced from the lights"
+    )
     shadows: Flag = key(True, doc="integrator local: whether lights cast shadows")
     reflection_depth: Count = key(4, low=0, high=1024, doc="integrator local: longest chain of mirrors")
 
