@@ -36,6 +36,7 @@ CASES = {
     ),
     "density_by_area": ("rows8(A3, density_by_area8(A3, B3, C3, C.w))", "make4(a3, density_by_area(a3, b3, c3, c.w))"),
     "spawn_origin": ("rows8(spawn_origin8(&from, C3), zero)", "make4(spawn_origin(&from_one, c3), 0.0f)"),
+    "clamp_of": ("rows8(A3, clamp8(A.w, zero, one))", "make4(a3, clamp_of(a.w, 0.0f, 1.0f))"),
     "sin_cos_turns": ("turned8(A)", "turned(a.x)"),
     "conductor_reflectance3": (
         "rows8(conductor_reflectance38(C.w, A3, B3), zero)",
