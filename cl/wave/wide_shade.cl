@@ -31,7 +31,7 @@ static void prefetch_group(const Shading *s, const uint i)
 
 #if WIDE_SHADING
 // note_density, one by one, for `lanes` that the camera sees.
-static void note_densities(const Shading *s, const Vertices8 *v, const BsdfSamples8 bsdf, const uint lanes,
+static void note_densities(const Shading *s, const Vertices8 *v, const BsdfSample8 bsdf, const uint lanes,
                            const uint8 slot DENSITIES_ARGUMENT)
 {
 #if HAS_CAUSTICS
