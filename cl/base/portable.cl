@@ -115,6 +115,16 @@ static float8 fma8(const float8 a, const float8 b, const float8 c)
 
 static float8 abs8(const float8 x) { return as_float8(as_uint8(x) & 0x7fffffffu); }
 
+// Lane by lane the component of `v` that `axis` names: 0, 1 or 2.
+static float8 component8(const float4 v, const int8 axis)
+{
+#if DEVICE_CPU && __has_builtin(__builtin_ia32_vpermilvarps256)
+    return __builtin_ia32_vpermilvarps256((float8)(v, v), axis);
+#else
+    return axis == 0 ? (float8)(v.x) : (axis == 1 ? (float8)(v.y) : (float8)(v.z));
+#endif
+}
+
 static float8 sqrt8(const float8 x)
 {
 #if DEVICE_CPU && __has_builtin(__builtin_ia32_sqrtps256)
