@@ -28,7 +28,7 @@ def clocks_section(workloads: Sequence[dict[str, Any]]) -> Html | None:
         return None
     told = [column for column in range(len(HEAD)) if any(row[column] is not None for row in rows)]
     methods = sorted({one["telemetry"]["method"] for one in workloads if (one.get("telemetry") or {}).get("method")})
-    power = f"Power by {', '.join(methods)}." if methods else "Power: not available, this machine does not let it be read."
+    power = f"Power by {', '.join(methods)}." if methods else "Power: not available; this machine keeps it to itself."
     shown = table([HEAD[column] for column in told], [[row[column] for column in told] for row in rows])
     return section("Two clocks, and who else was there", paragraph(CLOCKS), shown, paragraph(power))
 
