@@ -6,6 +6,7 @@ import base64
 import copy
 import hashlib
 import json
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -26,12 +27,13 @@ from raytide.bench.references import load_references
 from raytide.bench.roofline import add_limiters
 from raytide.bench.runner import Findings, Job, result_of, run_job
 from raytide.bench.scramble import CLOSE
-from raytide.bench.sections import parts_of
+from raytide.bench.sections import parts_of, values_plot
 from raytide.bench.show import tables
 from raytide.bench.soak import soak
 from raytide.bench.workloads import VERIFY_SIZE, WORKLOADS
 from raytide.device.renamed import other_name, renamed
 from raytide.kernels import Features, assemble
+from raytide.kernels.paths import kernel_dir
 from raytide.report.page import Quantity, table
 from raytide.report.ray_scaling import spread
 from raytide.report.ray_sets import RaySet
@@ -142,10 +144,14 @@ def test_a_median_that_is_not_known_to_3_per_cent_is_unstable() -> None:
 def test_each_plan_has_values_enough_to_see_drift_and_bounds_its_time(plan: Any) -> None:
     falling = list(np.linspace(100, 90, plan.values))
     assert drifting(falling) and not drifting([100.0] * plan.values)
-    assert not enough([1.0] * (plan.values - 1), 1e9, plan), "never fewer"
+
+    def ends(values: list[float], seconds: float) -> bool:
+        return enough(values, [None] * len(values), seconds, plan)
+
+    assert not ends([1.0] * (plan.values - 1), 1e9), "never fewer"
     noisy = [1.0, 1.5] * plan.values
-    assert not enough(noisy[: plan.values], 0.0, plan) and enough(noisy[: plan.values], plan.repeat_s + 1, plan)
-    assert enough([1.0] * plan.values, 0.0, plan) and enough([1.0, 1.5] * plan.most_values, 0.0, plan)
+    assert not ends(noisy[: plan.values], 0.0) and ends(noisy[: plan.values], plan.repeat_s + 1)
+    assert ends([1.0] * plan.values, 0.0) and ends([1.0, 1.5] * plan.most_values, 0.0)
 
 
 @pytest.mark.parametrize(("seconds", "warming", "values"), [
@@ -290,3 +296,23 @@ def test_a_child_is_told_to_rename_where_scrambled(monkeypatch: pytest.MonkeyPat
             "str(job['scramble'])}),flush=True)"  # fmt: skip
     monkeypatch.setattr(runner, "child_command", lambda module: [sys.executable, "-c", child])
     assert run_job(Job("x", "peaks", scramble=77), lambda line: None)["problems"] == ["77"]
+
+
+def test_every_fault_still_finds_its_place_in_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fault that changes nothing would be caught by nothing, and would say nothing."""
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "tools"))
+    import bench_faults
+
+    assert len(bench_faults.FAULTS) >= 12
+    for fault in bench_faults.FAULTS:
+        assert fault.workload in WORKLOADS and (fault.options or fault.places), fault.name
+        for file, find, put in fault.places:
+            text = (kernel_dir() / file).read_text(encoding="utf-8")
+            assert text.count(find) == 1 and find != put, f"{fault.name}: {file}"
+
+
+def test_lines_of_the_plot_of_values_end_with_each_visit() -> None:
+    timing = {"values_s": [1.0, 1.0, 1.1, 0.9], "t_offset_s": [0.0, 1.0, 50.0, 51.0], "visits": [2, 2]}
+    drawn = str(values_plot([{"id": "cornell", "timing": timing}]))
+    lines = re.findall(r'<path d="(M[^"]*)"', drawn)
+    assert any((line.count("M"), line.count("L")) == (2, 2) for line in lines) and drawn.count("<circle") == 4
