@@ -32,6 +32,14 @@ static uint4 shear_rows(const uint z)
     return (uint4)(x, x == 2u ? 0u : x + 1u, z, 0u) * ROW;
 }
 
+// The slope a / b by a reciprocal that may be some ulp off, mended by what it leaves over: a slope that is off moves the
+// ray, and with it t of a triangle that it grazes, by more than any rounding after it.
+static float slope_of(const float a, const float b, const float inverse)
+{
+    const float slope = a * inverse;
+    return fma_of(fma_of(-slope, b, a), inverse, slope);
+}
+
 // `inverse` is 1/d.
 static Shear shear_of(const TraceRay ray, const float4 inverse)
 {
@@ -44,15 +52,16 @@ static Shear shear_of(const TraceRay ray, const float4 inverse)
     const uint z = ray.axis;
     const uint x = z == 2u ? 0u : z + 1u;
     const uint y = x == 2u ? 0u : x + 1u;
-    const float towards = -abs_of(inverses[z]) * FROM_DEPTH;
+    const float length = abs_of(d[z]);
+    const float towards = abs_of(inverses[z]);
     const float to_one = scale_to_one(ray.extent);
     Shear s;
     s.rows = shear_rows(z);
     s.scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
     s.scale_z = float_of(bits_of(s.scale * TO_DEPTH) | (bits_of(d[z]) & 0x80000000u));
-    s.shear_x = d[x] * towards;
-    s.shear_y = d[y] * towards;
-    s.length_z = abs_of(d[z]) * (s.scale * TO_DEPTH);
+    s.shear_x = slope_of(d[x], length, towards) * -FROM_DEPTH;
+    s.shear_y = slope_of(d[y], length, towards) * -FROM_DEPTH;
+    s.length_z = length * (s.scale * TO_DEPTH);
     s.shift = (float3)(-o[x] * s.scale, -o[y] * s.scale, -o[z] * s.scale_z);
     return s;
 }
@@ -87,6 +96,19 @@ ALWAYS_INLINE static int8 inside_edges8(const Edges8 e)
 {
     const float8 zero = (float8)(0.0f);
     return ((min8(min8(e.u, e.v), e.w) >= zero) | (max8(max8(e.u, e.v), e.w) <= zero)) & (e.sum != zero);
+}
+
+// What is below 0 in lanes where edge functions have both signs.
+ALWAYS_INLINE static int8 mixed_signs8(const float8 u, const float8 v, const float8 w)
+{
+    return as_int8(max8(min8(min8(u, v), w), -max8(max8(u, v), w)) + 0.0f);
+}
+
+// inside_edges8, denied: what is below 0 in lanes whose ray does not pass the triangle. Signs are joined here rather than
+// truths: those that outlive a branch are narrowed to 16 bits by compilers, and widened again.
+ALWAYS_INLINE static int8 outside_edges8(const Edges8 e)
+{
+    return mixed_signs8(e.u, e.v, e.w) | ((as_int8(e.sum) & 0x7fffffff) - 1);
 }
 
 ALWAYS_INLINE static float8 depth_between8(const Sheared8 s, const Edges8 e)
