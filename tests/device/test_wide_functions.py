@@ -78,12 +78,11 @@ KERNEL = """
 #include "accel/triangle.cl"
 #include "accel/spawn.cl"
 #include "accel/wide_surface.cl"
-<<<<<<< HEAD
 static Rows8 halves_of(const Half8 half8)
 {
     const float8 zero = (float8)(0.0f);
     return rows8(vector8(half8.x, half8.y, zero), zero);
-=======
+}
 static Rows8 turned8(const Rows8 a)
 {
     float8 s, c;
@@ -107,7 +106,6 @@ static float4 halved(const float3 a, const float3 b)
     float cosine;
     const float3 h = half_vector(a, b, &cosine);
     return make4(reflect_about(a, h), cosine);
->>>>>>> main
 }
 kernel void probe_wide(const uint count, global const Settings *settings, global const float4 *in_a,
                        global const float4 *in_b, global const float4 *in_c, global float4 *wide, global float4 *alone)
