@@ -54,14 +54,6 @@ ALWAYS_INLINE static float8 boxed_t8(const Packet *p, const uint group, const fl
     return met ? max8(t, enter * NEAR_SCALE) : (float8)(NO_HIT);
 }
 
-// inside_edges8, denied: what is below 0 in lanes whose ray does not pass the triangle. Signs are joined here rather than
-// truths: those that outlive a branch are narrowed to 16 bits by compilers, and widened again.
-ALWAYS_INLINE static int8 outside_edges8(const Edges8 e)
-{
-    const float8 least = max8(min8(min8(e.u, e.v), e.w), -max8(max8(e.u, e.v), e.w));
-    return as_int8(least + 0.0f) | ((as_int8(e.sum) & 0x7fffffff) - 1);
-}
-
 // A triangle, sheared, and the rays of a group, for those of them that are longest along `axis`: who meets it takes it if
 // it is better. Its own box (`rows`) is left to settle_packet where `plain`. The weights u and v are hit_of's.
 ALWAYS_INLINE static int visit_triangle8(Packet *p, const uint group, const uint axis, const Sheared8 s,

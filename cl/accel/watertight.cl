@@ -89,6 +89,19 @@ ALWAYS_INLINE static int8 inside_edges8(const Edges8 e)
     return ((min8(min8(e.u, e.v), e.w) >= zero) | (max8(max8(e.u, e.v), e.w) <= zero)) & (e.sum != zero);
 }
 
+// What is below 0 in lanes where edge functions have both signs.
+ALWAYS_INLINE static int8 mixed_signs8(const float8 u, const float8 v, const float8 w)
+{
+    return as_int8(max8(min8(min8(u, v), w), -max8(max8(u, v), w)) + 0.0f);
+}
+
+// inside_edges8, denied: what is below 0 in lanes whose ray does not pass the triangle. Signs are joined here rather than
+// truths: those that outlive a branch are narrowed to 16 bits by compilers, and widened again.
+ALWAYS_INLINE static int8 outside_edges8(const Edges8 e)
+{
+    return mixed_signs8(e.u, e.v, e.w) | ((as_int8(e.sum) & 0x7fffffff) - 1);
+}
+
 ALWAYS_INLINE static float8 depth_between8(const Sheared8 s, const Edges8 e)
 {
     return s.az + fma8(e.v, s.bz - s.az, e.w * (s.cz - s.az)) / e.sum;

@@ -78,6 +78,9 @@ static float floor_of(const float x)
 #endif
 }
 
+// Towards zero, of numbers that an int holds.
+static int int_of(const float x) { return (int)x; }
+
 // a b + c rounded once. Where the hardware cannot, a plain sum of products: the forms that use it then keep their
 // exact antisymmetry and lose only digits. The start-up probe reports which of the two a device does.
 static float fma_of(const float a, const float b, const float c)
@@ -112,6 +115,16 @@ static float8 fma8(const float8 a, const float8 b, const float8 c)
 
 static float8 abs8(const float8 x) { return as_float8(as_uint8(x) & 0x7fffffffu); }
 
+// Lane by lane the component of `v` that `axis` names: 0, 1 or 2.
+static float8 component8(const float4 v, const int8 axis)
+{
+#if DEVICE_CPU && __has_builtin(__builtin_ia32_vpermilvarps256)
+    return __builtin_ia32_vpermilvarps256((float8)(v, v), axis);
+#else
+    return axis == 0 ? (float8)(v.x) : (axis == 1 ? (float8)(v.y) : (float8)(v.z));
+#endif
+}
+
 static float8 sqrt8(const float8 x)
 {
 #if DEVICE_CPU && __has_builtin(__builtin_ia32_sqrtps256)
@@ -121,6 +134,27 @@ static float8 sqrt8(const float8 x)
                     sqrt_of(x.s6), sqrt_of(x.s7));
 #else
     return sqrt(x);
+#endif
+}
+
+static float8 clamp8(const float8 x, const float8 low, const float8 high)
+{
+    const float8 above = x < low ? low : x;
+    return above > high ? high : above;
+}
+
+static float8 floor8(const float8 x)
+{
+    return (float8)(floor_of(x.s0), floor_of(x.s1), floor_of(x.s2), floor_of(x.s3), floor_of(x.s4), floor_of(x.s5),
+                    floor_of(x.s6), floor_of(x.s7));
+}
+
+static int8 int8_of(const float8 x)
+{
+#if CLANG_BUILTINS && __has_builtin(__builtin_convertvector)
+    return __builtin_convertvector(x, int8);
+#else
+    return convert_int8(x);
 #endif
 }
 

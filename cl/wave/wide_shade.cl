@@ -31,7 +31,7 @@ static void prefetch_group(const Shading *s, const uint i)
 
 #if WIDE_SHADING
 // note_density, one by one, for `lanes` that the camera sees.
-static void note_densities(const Shading *s, const Vertices8 *v, const BsdfSamples8 bsdf, const uint lanes,
+static void note_densities(const Shading *s, const Vertices8 *v, const BsdfSample8 bsdf, const uint lanes,
                            const uint8 slot CAUSTICS_ARGUMENT)
 {
 #if HAS_CAUSTICS
@@ -50,7 +50,7 @@ static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const ui
                       const Rows8 u CAUSTICS_ARGUMENT)
 {
     const uint8 edge = as_uint8(path.y) & PATH_EDGES;
-    const BsdfSamples8 bsdf = samples_of(s->materials, v, u);
+    const BsdfSample8 bsdf = samples_of(s->materials, v, u);
     const Vector8 wi = to_world8(v->frame, bsdf.wi);
     const float8 side = dot8(wi, v->normal);
     const int8 passes = (bsdf.flags & BSDF_TRANSMIT) != 0u ? side < 0.0f : side > 0.0f;

@@ -21,8 +21,8 @@ from raytide.render import Renderer
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "tools"))
 
-TINY = replace(QUICK, values=2, most_values=2, value_s=0.01, warmup_s=0.0, size=(80, 48), triangles=(3000,),
-               buffer_bytes=4 << 20, buffer_caches=0)  # fmt: skip
+TINY = replace(QUICK, values=2, most_values=2, value_s=0.01, peak_s=0.005, warmup_s=0.0, size=(80, 48),
+               triangles=(3000,), buffer_bytes=4 << 20, buffer_caches=0)  # fmt: skip
 
 
 def hush(line: str) -> None:

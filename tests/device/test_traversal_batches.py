@@ -24,9 +24,9 @@ def hard_rays(count: int) -> np.ndarray:
     return rays_of(origins, directions, ends)
 
 
-@pytest.mark.parametrize("traversal", ["single", "packet"])
-def test_rays_set_up_together_are_those_set_up_alone(device: object, traversal: str) -> None:
-    scene = blob_scene(8)
+@pytest.mark.parametrize(("traversal", "splits"), [("single", 8), ("packet", 8), ("list", 2)])
+def test_rays_set_up_together_are_those_set_up_alone(device: object, traversal: str, splits: int) -> None:
+    scene = blob_scene(splits)
     rays = hard_rays(20_003)  # the last batch is not full
     alone, met_alone = tracer(device, mesh(scene.vertices, scene.triangles)).trace(rays)
     together = RayTracer(device, geometry_of(scene), "sah", traversal)

@@ -11,6 +11,7 @@ import raytide as rt
 from raytide.device import Device
 from raytide.device.cache import FileCache
 from raytide.errors import UsageError
+from raytide.kernels.constants import LIST_TRIANGLES
 from raytide.render import trial
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -37,6 +38,61 @@ def test_packets_change_no_bit_of_a_picture(device: Device, name: str, memory: i
 CORNELL = SCENES / "cornell" / "cornell.toml"
 
 
+@pytest.mark.parametrize("memory", [None, 60_000])
+def test_a_list_of_triangles_changes_no_bit_of_a_picture(device: Device, memory: int | None) -> None:
+    images, ran = {}, {}
+    for traversal in ("single", "list"):
+        settings = {"traversal": traversal, "memory": memory, "size": (37, 21), "spp": 3}
+        with rt.Renderer(rt.load(CORNELL), device, **settings) as renderer:
+            images[traversal] = renderer.render().rgb
+            ran[traversal] = set(renderer.report()["traversal"]["ran"].values())
+    assert np.array_equal(images["single"], images["list"])
+    assert ran == {"single": {"single"}, "list": {"single" if device.kind == "gpu" else "list"}}
+
+
+def test_a_list_knows_hidden_objects_and_sheets(device: Device) -> None:
+    """A lamp above a floor; between them a sheet that half of the light passes, a block that shadow rays do not meet
+    and one that is there for them alone."""
+
+    def square(height: float, at: tuple[float, float], size: float) -> rt.Mesh:
+        x, z = at
+        points = [[x - size, height, z - size], [x - size, height, z + size], [x + size, height, z + size]]
+        return rt.mesh(vertices=[*points, [x + size, height, z - size]], faces=[[0, 1, 2], [0, 2, 3]])
+
+    scene = rt.Scene(rt.Camera(origin=(0, 3, 5), target=(0, 0.5, 0), size=(24, 24)))
+    scene.add(square(0, (0, 0), 3), rt.Diffuse(0.6), name="floor")
+    scene.add(square(4, (0, 0), 0.5), rt.Emit(8.0, two_sided=True), name="lamp")
+    scene.add(square(1, (0, 0), 0.8), rt.Diffuse(0.5, opacity=0.5), name="sheet")
+    for name, x, kinds in (("unlit", -1.5, ["camera", "indirect"]), ("unseen", 1.5, ["shadow"])):
+        scene.add(square(1.5, (x, 0), 0.5), rt.Diffuse(0.5), name=name)
+        scene[name].visible_to = kinds
+    images = {}
+    for traversal in ("single", "list"):
+        with rt.Renderer(scene, device, traversal=traversal, spp=4, max_depth=4) as renderer:
+            images[traversal] = renderer.render().rgb
+            ran = set(renderer.report()["traversal"]["ran"].values())
+    assert images["single"].max() > 0 and np.array_equal(images["single"], images["list"])
+    assert ran == {"single" if device.kind == "gpu" else "list"}
+
+
+@pytest.mark.parametrize("way", ["too many", "shapes", "instances", "brute force"])
+def test_scenes_that_cannot_be_listed_are_traced_ray_by_ray(device: Device, way: str) -> None:
+    """As with packets: asking for a variant that does not fit is no error."""
+    scene = rt.Scene(rt.Camera(origin=(0, 1, 6), target=(0, 0, 0), size=(8, 8)))
+    scene.add(rt.sky(1.0), name="sky")
+    copies = LIST_TRIANGLES + (way == "too many")
+    points = np.random.default_rng(1).normal(size=(3 * copies, 3))
+    scene.add(rt.mesh(vertices=points, faces=np.arange(3 * copies).reshape(-1, 3)), rt.Diffuse(), name="leaves")
+    if way == "shapes":
+        scene.add(rt.sphere(), rt.Diffuse(), name="ball")
+    if way == "instances":
+        scene.add(rt.instance("leaves").translate(1, 0, 0), name="twin")
+    settings = {"bvh": "none"} if way == "brute force" else {}
+    with rt.Renderer(scene, device, traversal="list", spp=1, **settings) as renderer:
+        renderer.render()
+        assert set(renderer.report()["traversal"]["ran"].values()) == {"single"}
+
+
 @pytest.fixture
 def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own for what trials find, and launches of any size that count."""
@@ -45,7 +101,7 @@ def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "traversal"
 
 
-def shown(device: Device, traversal: str = "auto", spp: int = 12) -> tuple[np.ndarray, dict]:
+def shown(device: Device, traversal: str = "auto", spp: int = 18) -> tuple[np.ndarray, dict]:
     """A small picture by many small waves, and what its report says of the traversal."""
     scene = rt.load(CORNELL)
     with rt.Renderer(scene, device, traversal=traversal, memory=60_000, size=(48, 40), spp=spp) as renderer:
@@ -64,7 +120,7 @@ def test_a_trial_changes_no_bit_and_is_remembered(device: Device, own_choices: P
     found = {kind: one for kind, one in first["choice"].items() if one["by"] == "trial"}
     assert {"primary", "shadow[1]"} <= set(found) and first["trial_s"] > 0
     for one in found.values():
-        assert set(one["rays_per_s"]) == {"single", "packet"} and one["runs"] == max(
+        assert set(one["rays_per_s"]) == {"single", "list", "packet"} and one["runs"] == max(
             one["rays_per_s"], key=one["rays_per_s"].__getitem__
         )
     image, second = shown(device)
@@ -105,5 +161,5 @@ def test_packets_need_a_tree(device: Device) -> None:
 
 
 def test_an_unknown_traversal_lists_the_known_ones(device: Device) -> None:
-    with pytest.raises(UsageError, match="psychic.*auto, single, packet"):
+    with pytest.raises(UsageError, match="psychic.*auto, single, list, packet"):
         rt.Renderer(rt.load(SCENES / "cornell" / "cornell.toml"), device, traversal="psychic")

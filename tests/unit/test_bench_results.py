@@ -240,7 +240,7 @@ def test_a_slowdown_beyond_noise_is_worse_and_one_within_noise_is_not() -> None:
 def test_other_work_is_not_compared_unless_forced() -> None:
     old = timed_result({})
     other = timed_result({}, tool={**old["tool"], "suite_version": "1999.1"})
-    with pytest.raises(UsageError, match="suite_version: 2026.1 and 1999.1"):
+    with pytest.raises(UsageError, match="suite_version: 2026.2 and 1999.1"):
         compare(old, other)
     assert len(compare(old, other, force=True).rows) == len(WORKLOADS)
     elsewhere = timed_result({}, device_id="y/cpu0", tool={**old["tool"], "kernels_sha256": "0" * 64})

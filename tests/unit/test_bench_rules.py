@@ -142,10 +142,14 @@ def test_a_median_that_is_not_known_to_3_per_cent_is_unstable() -> None:
 def test_each_plan_has_values_enough_to_see_drift_and_bounds_its_time(plan: Any) -> None:
     falling = list(np.linspace(100, 90, plan.values))
     assert drifting(falling) and not drifting([100.0] * plan.values)
-    assert not enough([1.0] * (plan.values - 1), 1e9, plan), "never fewer"
+
+    def ends(values: list[float], seconds: float) -> bool:
+        return enough(values, [None] * len(values), seconds, plan)
+
+    assert not ends([1.0] * (plan.values - 1), 1e9), "never fewer"
     noisy = [1.0, 1.5] * plan.values
-    assert not enough(noisy[: plan.values], 0.0, plan) and enough(noisy[: plan.values], plan.repeat_s + 1, plan)
-    assert enough([1.0] * plan.values, 0.0, plan) and enough([1.0, 1.5] * plan.most_values, 0.0, plan)
+    assert not ends(noisy[: plan.values], 0.0) and ends(noisy[: plan.values], plan.repeat_s + 1)
+    assert ends([1.0] * plan.values, 0.0) and ends([1.0, 1.5] * plan.most_values, 0.0)
 
 
 @pytest.mark.parametrize(("seconds", "warming", "values"), [

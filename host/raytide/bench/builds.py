@@ -10,7 +10,7 @@ import numpy as np
 
 from raytide.accel import build_tree, tree_sources
 from raytide.accel.build import BUILDERS
-from raytide.bench.plan import Plan, repeat, summary_of
+from raytide.bench.plan import Plan, repeat, summary_of_kept
 from raytide.device import Device
 from raytide.errors import DeviceError
 from raytide.report.ray_scenes import terrain_scene
@@ -50,12 +50,13 @@ def measured(device: Device, plan: Plan, geometry: Any, builder: str) -> dict[st
         return sum(seconds for _, seconds in device.take_times().values())
 
     device.take_times()
-    found = repeat(once, plan)
+    found = repeat(once, plan, device.info.type == "cpu")
     same = builder_is_repeatable(tree, build_tree(geometry, builder, device, program=program), device)
     stats = tree.stats
     row = {
-        "summary": summary_of(len(geometry.triangles), found.values_s, "triangles"),
+        "summary": summary_of_kept(len(geometry.triangles), found, plan, "triangles"),
         "values_s": found.values_s, "t_offset_s": found.offsets_s, "warmup_s": found.warmup_s, "event_s": found.event_s,
+        "others_frac": found.others_frac,
         "compile_s": compile_s, "first_build_s": first_s, "sah_cost": float(stats.sah_cost),
         "bytes_per_triangle": float(stats.bytes_per_triangle), "depth": int(stats.depth),
     }  # fmt: skip

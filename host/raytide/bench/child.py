@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import IO, Any
@@ -45,7 +46,9 @@ def work(job: dict[str, Any], answers: IO[str]) -> None:
             send("device", record=device_record(device))
             for part in job["parts"]:
                 send("begin", part=part)
-                send("end", part=part, result=measured(device, part, job, lambda line: send("say", text=line)))
+                begun = time.perf_counter()
+                result = measured(device, part, job, lambda line: send("say", text=line))
+                send("end", part=part, result={**result, "part_s": time.perf_counter() - begun})
     except RaytideError as error:
         send("failed", reason=str(error))
 
@@ -76,10 +79,30 @@ def run_part(device: Any, part: str, plan: Plan, job: dict[str, Any], say: Say) 
         return of_rows(measure_builds(device, plan, say))
     if part == "rays":
         return rays(device, plan, say, job.get("traversal", "single"))
+    kind, _, name = part.partition("/")
+    return (render if kind == "renders" else again)(device, name, plan, job, say)
+
+
+def render(device: Any, name: str, plan: Plan, job: dict[str, Any], say: Say) -> dict[str, Any]:
+    """A workload: the first visit, where it is to have several."""
     from raytide.bench.renders import measure_render
 
-    name = part.partition("/")[2]
-    return measure_render(device, name, plan, say, job.get("scramble"), job.get("soak_s", 0.0))
+    first = plan.of_one_visit() if job.get("visits", 1) > 1 else plan
+    found = measure_render(device, name, first, say, job.get("scramble"), job.get("soak_s", 0.0), job.get("origin"))
+    if found["status"] == "ok":
+        job.setdefault("spp", {})[name] = found["timing"]["work_per_value"]["spp"]
+    return found
+
+
+def again(device: Any, name: str, plan: Plan, job: dict[str, Any], say: Say) -> dict[str, Any]:
+    """A later visit of a workload whose first was right."""
+    from raytide.bench.visits import measure_again
+
+    spp = job.get("spp", {}).get(name)
+    if spp is None:
+        return {"status": "skipped", "reason": "its first visit was not right"}
+    say(f"{name}: timing once more")
+    return measure_again(device, name, plan, spp, job.get("origin"))
 
 
 def of_rows(result: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from raytide.bench.others import seconds_of
 from raytide.bench.show import aligned, figure, measurements
 from raytide.errors import UsageError
 from raytide.report.summary import ratio_of_medians
@@ -115,11 +116,11 @@ def row_of(part: str, name: str, old: dict[str, Any], new: dict[str, Any]) -> Ro
 
 
 def rates_of(one: dict[str, Any]) -> np.ndarray:
-    """The rate of each value."""
+    """The rate of each value that counts."""
     summary = one["summary"]
     if "values" in summary:
         return np.array(summary["values"])
-    seconds = np.array(one["timing"]["values_s"] if "timing" in one else one["values_s"], np.float64)
+    seconds = np.array(seconds_of(one), np.float64)
     return summary["median"] * float(np.median(seconds)) / seconds
 
 

@@ -39,6 +39,9 @@ class Summary(Open):
     median_cv: float | None = Field(None, description="coefficient of variation of the median, by bootstrap")
     unstable: bool = Field(description="cv of 0.1 or more, or median_cv above 0.03")
     drifting: bool = Field(description="the last third is more than 3 % off the first")
+    left_out: int | None = Field(None, description="values that others disturbed, and that are not in these numbers")
+    disturbed: bool | None = Field(None, description="others disturbed so many values that all of them count")
+    visit_medians: list[float] | None = Field(None, description="of each visit of a workload by itself")
 
 
 class Tool(Open):
@@ -134,7 +137,22 @@ class Timing(Open):
     warmup_s: list[float]
     values_s: list[float]
     t_offset_s: list[float]
-    event_s: list[float]
+    event_s: list[float] = Field(description="by the device's clock")
+    event_gap_frac: float | None = Field(None, description="share of the host's time that the device's clock misses")
+    others_frac: list[float | None] | None = Field(
+        None, description="at least this share of the processor others had; null: nobody can tell"
+    )
+    visits: list[int] | None = Field(None, description="values of each visit")
+
+
+class Telemetry(Open):
+    """A row a value where the machine lets itself be read; empty lists where not."""
+
+    temp_c: list[float] = []
+    clock_mhz: list[float] = []
+    power_w: list[float] = []
+    method: str | None = Field(None, description="how power was measured")
+    scope: str | None = Field(None, description="of what")
 
 
 class Kernel(Open):
@@ -157,6 +175,7 @@ class Workload(Part):
     timing: Timing | None = None
     summary: Summary | None = None
     kernels: list[Kernel] = []
+    telemetry: Telemetry | None = None
     ledger: dict[str, Any] | None = None
     soak: dict[str, Any] | None = Field(None, description="--soak: a long run, its last third against its first")
     scramble: dict[str, Any] | None = Field(None, description="--scramble: rates in disguise over plain ones")
@@ -168,6 +187,8 @@ class Score(Open):
 
     name: str = Field(description="Score or Quick score; of the open class: Open score or Open quick score")
     value: float | None
+    ci95: tuple[float, float] | None = Field(None, description="where another run may end, by noise and visits")
+    visits: list[float] | None = Field(None, description="the score of each visit by itself")
     reference_table: str
     method: str
     valid_workloads: int

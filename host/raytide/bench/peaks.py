@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from raytide.bench.plan import Plan, repeat, summary_of
+from raytide.bench.plan import Plan, repeat, summary_of_kept
 from raytide.device import Buffer, Device, Program
 from raytide.errors import DeviceError
 from raytide.kernels.features import Features
@@ -49,7 +49,7 @@ class Work:
 def measure_peaks(device: Device, plan: Plan, say: Say) -> dict[str, Any]:
     """{"rows": every measurement, and the best of each kind under the names of the result file}."""
     rows: list[dict[str, Any]] = []
-    short = replace(plan, warmup_s=plan.warmup_s / 8, repeat_s=plan.repeat_s / 2)  # many rows: the suite has a bound
+    short = replace(plan, warmup_s=plan.warmup_s / 4, repeat_s=plan.repeat_s / 2)  # many rows: the suite has a bound
     for name, doc, make in rows_of(device, plan):
         say(f"peaks: {name}")
         rows.append(measured(device, short if rows else plan, name, doc, make))
@@ -95,7 +95,7 @@ def measured(device: Device, plan: Plan, name: str, doc: str, make: Callable[[],
         work.run(1)
         device.finish()
         work.check()
-        times = launches_for(device, work, plan.value_s / 2)
+        times = launches_for(device, work, plan.peak_s)
 
         def once() -> float:
             device.take_times()
@@ -103,15 +103,15 @@ def measured(device: Device, plan: Plan, name: str, doc: str, make: Callable[[],
             device.finish()
             return sum(seconds for _, seconds in device.take_times().values())
 
-        found = repeat(once, plan)
+        found = repeat(once, plan, device.info.type == "cpu")
         work.check()
     except WrongResult as wrong:
         return row | {"status": "invalid", "reason": str(wrong)}
     except DeviceError as error:
         return row | {"status": "error", "reason": str(error)}
-    row["summary"] = summary_of(work.amount * times, found.values_s, name, work.unit)
+    row["summary"] = summary_of_kept(work.amount * times, found, plan, name, work.unit)
     return row | {"launches_a_value": times, "values_s": found.values_s, "t_offset_s": found.offsets_s,
-                  "warmup_s": found.warmup_s, "event_s": found.event_s}  # fmt: skip
+                  "warmup_s": found.warmup_s, "event_s": found.event_s, "others_frac": found.others_frac}  # fmt: skip
 
 
 def launches_for(device: Device, work: Work, seconds: float) -> int:

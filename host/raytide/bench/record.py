@@ -18,7 +18,7 @@ from raytide.bench import references
 from raytide.device import Device, code_variables, driver_files, driver_variables
 from raytide.kernels.paths import kernel_dir
 
-SUITE_VERSION = "2026.1"
+SUITE_VERSION = "2026.2"
 OWN_CODE_VARIABLES = ("POCL_WORK_GROUP_SPECIALIZATION",)  # which raytide itself sets
 FAST = ("fast-relaxed", "unsafe-math", "finite-math", "mad-enable", "no-signed-zeros", "single-precision-constant",
         "denorms-are-zero")  # fmt: skip
@@ -73,7 +73,8 @@ def host_record() -> dict[str, Any]:
         "os": platform.system(), "kernel": platform.release(), "architecture": platform.machine(),
         "container": Path("/.dockerenv").exists() or Path("/run/.containerenv").exists(),
         "virtualised": "hypervisor" in facts.get("flags", ""), "cpu_model": facts.get("model name", ""),
-        "cpu_logical": os.cpu_count(), "cpu_allowed": _allowed(), "smt": _word("smt/active"), "mem_bytes": _memory(),
+        "cpu_logical": os.cpu_count(), "cpu_physical": _physical(), "cpu_allowed": _allowed(),
+        "smt": _word("smt/active"), "mem_bytes": _memory(),
         "governor": _word("cpu0/cpufreq/scaling_governor"), "turbo": _word("cpufreq/boost"),
         "load_avg_1m_start": load(), "python": platform.python_version(), "numpy": metadata.version("numpy"),
         "pyopencl": metadata.version("pyopencl"), "locale_tz": f"{locale.getlocale()[0]} {time.strftime('%Z')}",
@@ -90,6 +91,14 @@ def _cpu_facts() -> dict[str, str]:
 
 def _allowed() -> int | None:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None
+
+
+def _physical() -> int | None:
+    """Cores, where Linux tells; those of a virtual machine are its host's to share out."""
+    folders = Path("/sys/devices/system/cpu").glob("cpu[0-9]*/topology")
+    found = {tuple(_word(f"{one.parent.name}/topology/{name}") for name in ("physical_package_id", "core_id"))
+             for one in folders}  # fmt: skip
+    return len(found) or None
 
 
 def _memory() -> int | None:

@@ -11,29 +11,37 @@ import numpy as np
 
 from raytide.bench.ledger import ledger
 from raytide.bench.pictures import pictures_of
-from raytide.bench.plan import Plan, repeat, summary_of
+from raytide.bench.plan import Plan, repeat
 from raytide.bench.references import Reference, load_references
 from raytide.bench.roofline import kernels_of
 from raytide.bench.scramble import against_plain
 from raytide.bench.soak import soak
+from raytide.bench.timing import (
+    SEED,
+    check_timed,
+    picture_again,
+    samples_for,
+    shares_processor,
+    summary_of_render,
+    timing_of,
+)  # fmt: skip
 from raytide.bench.validity import Validity, verify
 from raytide.bench.workloads import WORKLOADS, Workload
 from raytide.device import Device
 from raytide.render import Renderer
 from raytide.scene import Scene
 
-SEED = 20261125  # of timed pictures
-SCALE_DOUBT = 0.01  # relative: a timed picture's mean may differ from the reference's by this, beside its noise
-MOST_SPP = 1 << 16
 Say = Callable[[str], None]
 
 
 def measure_render(
-    device: Device, name: str, plan: Plan, say: Say, scramble: int | None = None, soak_s: float = 0.0
+    device: Device, name: str, plan: Plan, say: Say, scramble: int | None = None, soak_s: float = 0.0,
+    origin: float | None = None,
 ) -> dict[str, Any]:
     """One workload: status, validity, cold times, timing, summary, kernels, and the ledger where the plan has it.
 
-    `scramble` is the seed by which triangles are permuted. `soak_s` adds a long run, whose drift is told.
+    `scramble` is the seed by which triangles are permuted. `soak_s` adds a long run, whose drift is told. `origin`: of
+    time stamps, by `time.perf_counter`.
     """
     workload, reference = WORKLOADS[name], load_references()[name]
     with tempfile.TemporaryDirectory(prefix="raytide-bench-") as folder:
@@ -44,7 +52,7 @@ def measure_render(
         validity, cold = verified(device, scene, workload, reference, scramble is not None)
         out |= {"validity": validity.as_dict(), "cold": cold}
         say(f"{name}: timing")
-        out |= timed(device, scene, workload, reference, plan, validity, soak_s, say)
+        out |= timed(device, scene, workload, reference, plan, validity, soak_s, origin, say)
         if scramble is not None:
             say(f"{name}: against the same undisguised")
             spp = out["timing"]["work_per_value"]["spp"]
@@ -98,7 +106,7 @@ def verified(
 
 def timed(
     device: Device, scene: Scene, workload: Workload, reference: Reference, plan: Plan, validity: Validity,
-    soak_s: float, say: Say,
+    soak_s: float, origin: float | None, say: Say,
 ) -> dict[str, Any]:
     """Equal pictures, again and again, without verification between them."""
     device.reset_peak()
@@ -106,31 +114,21 @@ def timed(
         spp = samples_for(renderer, plan.value_s)
 
         def once() -> float:
-            renderer.restart(SEED)
-            renderer.render(spp=spp)
-            return renderer.frame.device_seconds if renderer.frame else 0.0
+            return picture_again(renderer, spp)
 
-        found = repeat(once, plan)
-        rays, film = renderer.rays.total, renderer.film
-        check_timed(film, reference, validity)
-        samples = spp * plan.size[0] * plan.size[1]
-        assert renderer.frame is not None
+        found = repeat(once, plan, shares_processor(device), origin)
+        check_timed(renderer.film, reference, validity)
         waves = renderer.report()["waves"]
-        summary = summary_of(rays, found.values_s, "rays")
-        summary["samples_per_s"] = samples / float(np.median(found.values_s))
-        summary |= error_after(renderer, 1.0)
+        timing = timing_of(found, renderer, spp)
+        summary = summary_of_render(found, plan, timing["work_per_value"]) | error_after(renderer, 1.0)
         out: dict[str, Any] = {
-            "timing": {
-                "clock": "perf_counter_ns", "work_per_value": {"rays": rays, "samples": samples, "spp": spp},
-                "warmup_s": found.warmup_s, "values_s": found.values_s, "t_offset_s": found.offsets_s,
-                "event_s": found.event_s, "event_gap_frac": gap(found.values_s, found.event_s),
-            },
-            "summary": summary,
+            "timing": timing, "summary": summary, "telemetry": found.telemetry,
             "tuning": {"traversal": dict(renderer.waves.traced_by if renderer.waves else {}),
                        "wave_paths": renderer.plan.capacity, "samples_in_flight": renderer.plan.samples},
             "scene": scene_facts(renderer, device),
         }  # fmt: skip
         if soak_s:
+            rays = timing["work_per_value"]["rays"]
             out["soak"] = soak(once, rays, soak_s, lambda text: say(f"{workload.id}: soaking, {text}"))
         out["kernels"] = kernels_of(renderer, waves)
     return out
@@ -142,39 +140,6 @@ def scene_facts(renderer: Renderer, device: Device) -> dict[str, Any]:
     return {"triangles": len(renderer.packed.geometry.triangles), "bvh_nodes": tree.nodes, "bvh_bytes": tree.bytes,
             "bvh_build_s": tree.build_s, "upload_s": renderer.times["upload"],
             "device_mem_peak_bytes": device.peak_bytes}  # fmt: skip
-
-
-def samples_for(renderer: Renderer, seconds: float) -> int:
-    """Samples a pixel of a value that takes `seconds` or a little more."""
-    spp = 1
-    while True:
-        renderer.restart(SEED)
-        renderer.render(spp=spp)
-        assert renderer.frame is not None
-        spent = max(renderer.frame.seconds, 1e-9)
-        if spent >= seconds or spp >= MOST_SPP:
-            return spp
-        growth = 2.0 if spent < seconds / 3 else 1.1 * seconds / spent
-        spp = min(MOST_SPP, max(spp + 1, round(spp * growth)))
-
-
-def check_timed(film: Any, reference: Reference, validity: Validity) -> None:
-    """Whether what was timed is the picture that was verified: its mean, which does not depend on size."""
-    mean = film.rgb.astype(np.float64).mean(axis=(0, 1))
-    variance = film.variance.astype(np.float64).sum(axis=(0, 1)) / (film.rgb.shape[0] * film.rgb.shape[1]) ** 2
-    noise = 6 * np.sqrt(np.nan_to_num(2 * variance, nan=np.inf) + reference.picture_variance / 256)
-    ratio = mean / reference.picture
-    validity.figures["timed_mean_ratio"] = ratio.tolist()
-    if not bool((np.abs(mean - reference.picture) <= noise + SCALE_DOUBT * reference.picture).all()):
-        shares = f"{ratio.min():.4f} to {ratio.max():.4f}"
-        validity.reasons.append(f"the timed picture's mean is {shares} of the reference's")
-    if lost := sum(film.health.values()):
-        validity.reasons.append(f"{lost} samples of the timed picture were not finite or negative")
-
-
-def gap(values: list[float], events: list[float]) -> float:
-    """Share of the host's time that the device's clock does not know of."""
-    return 1 - sum(events) / max(sum(values), 1e-9)
 
 
 def error_after(renderer: Renderer, seconds: float) -> dict[str, float | None]:

@@ -21,13 +21,15 @@ from typing import IO, Any
 from raytide.bench import record
 from raytide.bench.child import PLANS
 from raytide.bench.model import SCHEMA
-from raytide.bench.plan import PARTS
+from raytide.bench.plan import PARTS, VISITS
 from raytide.bench.roofline import add_limiters
 from raytide.bench.score import score_of
 from raytide.bench.shipped import edited_reasons
+from raytide.bench.visits import joined
 from raytide.bench.workloads import WORKLOADS
 from raytide.device.worker import child_command
 
+WORKLOAD_PARTS = ("renders", *(f"again{visit}" for visit in range(2, VISITS + 1)))
 PATIENCE_S = 300.0  # without a word from the child
 Say = Callable[[str], None]
 
@@ -51,16 +53,25 @@ class Job:
         return "quick" if self.quick or self.suite == "quick" else "full"
 
     @property
+    def visits(self) -> int:
+        """How often each workload is visited: more than once where there is a score."""
+        return VISITS if self.scramble is None and not self.soak_s else 1
+
+    @property
     def parts(self) -> list[str]:
         """In the order in which they run; workloads in another one where scrambled."""
-        wanted = PARTS if self.suite in ("quick", "full") else (self.suite,)
+        wanted: Sequence[str] = PARTS if self.suite in ("quick", "full") else [self.suite]
+        if self.suite == "renders":
+            wanted = [part for part in PARTS if part in WORKLOAD_PARTS]
         names = [name for name in WORKLOADS if not self.only or name in self.only]
         if self.scramble is not None:
             import random
 
             random.Random(self.scramble).shuffle(names)
-        renders = [f"renders/{name}" for name in names]
-        return [one for part in wanted for one in (renders if part == "renders" else [part])]
+        if self.visits == 1:
+            wanted = [part for part in wanted if not part.startswith("again")]
+        return [one for part in wanted
+                for one in ([f"{part}/{name}" for name in names] if part in WORKLOAD_PARTS else [part])]  # fmt: skip
 
 
 @dataclass
@@ -70,6 +81,12 @@ class Findings:
     device: dict[str, Any] | None = None
     parts: dict[str, dict[str, Any]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    origin: float = field(default_factory=time.perf_counter)  # of time stamps; the same clock in children
+
+    def samples(self) -> dict[str, int]:
+        """Samples a pixel of a value of each workload that was right."""
+        return {part.partition("/")[2]: one["timing"]["work_per_value"]["spp"] for part, one in self.parts.items()
+                if part.startswith("renders/") and one["status"] == "ok" and "timing" in one}  # fmt: skip
 
 
 def run_job(job: Job, say: Say, words: Sequence[str] = ()) -> dict[str, Any]:
@@ -98,7 +115,8 @@ def run_child(job: Job, parts: list[str], environment: dict[str, str], found: Fi
     at, done = "", False
     try:
         order = {"device": job.device, "threads": job.threads, "parts": parts, "plan": job.plan,
-                 "scramble": job.scramble, "soak_s": job.soak_s, "traversal": job.traversal}  # fmt: skip
+                 "scramble": job.scramble, "soak_s": job.soak_s, "traversal": job.traversal,
+                 "visits": job.visits, "origin": found.origin, "spp": found.samples()}  # fmt: skip
         try:
             child.stdin.write(json.dumps(order) + "\n")
             child.stdin.close()
@@ -175,7 +193,8 @@ def result_of(
     """The file's content."""
     device = found.device
     renders = {part.partition("/")[2]: one for part, one in found.parts.items() if part.startswith("renders/")}
-    workloads = [{"id": name, **one} for name, one in renders.items()]
+    workloads = [{"id": name, **joined(one, later_visits(found, name), PLANS[job.plan])}
+                 for name, one in renders.items()]  # fmt: skip
     workloads.sort(key=lambda one: list(WORKLOADS).index(one["id"]))
     peaks = found.parts.get("peaks")
     for one in workloads if peaks and device else []:
@@ -194,6 +213,11 @@ def result_of(
         "problems": found.problems,
     }  # fmt: skip
     return sealed(result)
+
+
+def later_visits(found: Findings, name: str) -> list[dict[str, Any]]:
+    """What later visits of a workload gave, those that there were."""
+    return [found.parts[f"{part}/{name}"] for part in WORKLOAD_PARTS[1:] if f"{part}/{name}" in found.parts]
 
 
 def sealed(result: dict[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import statistics
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ from raytide.report.summary import geometric_mean
 
 FILE = Path(__file__).with_name("reference_rates.json")
 NAMES = {"full": "Score", "quick": "Quick score"}
+STUDENT = {2: 12.71, 3: 4.303, 4: 3.182, 5: 2.776}  # 97.5 % points of t by the number of visits
 BASE = 1000.0  # of the device that the table was made on
 
 
@@ -29,14 +32,46 @@ def score_of(workloads: list[dict[str, Any]], plan: str, closed: bool = True) ->
     rates = {one["id"]: one["summary"]["median"] for one in workloads if one["status"] == "ok" and one.get("summary")}
     parts = {name: BASE * rate / table[plan][name] for name, rate in rates.items()}
     complete = set(parts) == set(WORKLOADS)
+    value = geometric_mean(list(parts.values())) if complete else None
+    spreads = [one["summary"].get("median_cv") for one in workloads if one["id"] in parts]
+    visits = visit_scores(workloads, {name: table[plan][name] for name in parts}) if complete else None
     name = NAMES[plan] if closed else f"Open {NAMES[plan].lower()}"
     return {
-        "name": name, "value": geometric_mean(list(parts.values())) if complete else None,
+        "name": name, "value": value, "ci95": interval(value, visits, spreads), "visits": visits,
         "reference_table": table["version"], "method": "1000 geomean(rays_per_s / ref)",
         "valid_workloads": len(parts), "of": len(WORKLOADS), "parts": parts,
     }  # fmt: skip
 
 
+def visit_scores(workloads: list[dict[str, Any]], rates: dict[str, float]) -> list[float] | None:
+    """The score of each visit by itself; None where workloads were visited once, or not equally often."""
+    medians = [(one["summary"].get("visit_medians") or [], rates[one["id"]]) for one in workloads if one["id"] in rates]
+    number = len(medians[0][0]) if medians else 0
+    if number < 2 or any(len(row) != number for row, _ in medians):
+        return None
+    return [BASE * geometric_mean([row[visit] / rate for row, rate in medians]) for visit in range(number)]
+
+
+def interval(value: float | None, visits: list[float] | None, spreads: list[float | None]) -> list[float] | None:
+    """Where another run may end, 95 %, as far as this one can tell: the standard error of the mean of its visits'
+    scores (Student's t), and the noise of the medians, which are independent, whichever is more. Visits of one run
+    are nearer to each other in time than runs are."""
+    known = [one for one in spreads if one is not None]
+    if value is None or not visits or len(known) < len(spreads):
+        return None
+    noise = 1.96 * sum(one**2 for one in known) ** 0.5 / len(known)
+    logs = [math.log(one) for one in visits]
+    apart = STUDENT[len(logs)] * statistics.stdev(logs) / len(logs) ** 0.5
+    half = max(noise, apart)
+    return [value * math.exp(-half), value * math.exp(half)]
+
+
 def score_line(score: dict[str, Any] | None) -> str | None:
     """`Score: 1234 points`, or None where there is none."""
     return f"{score['name']}: {score['value']:.0f} points" if score and score["value"] is not None else None
+
+
+def interval_line(score: dict[str, Any] | None) -> str | None:
+    """Where another run may end; None where nothing tells."""
+    found = (score or {}).get("ci95")
+    return "another run may give {:.0f} to {:.0f} points (95 %)".format(*found) if found else None

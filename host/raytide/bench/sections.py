@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from raytide.bench.clocks import clocks_section
 from raytide.bench.pictures import FULL_SCALE
-from raytide.bench.score import score_line
+from raytide.bench.score import interval_line, score_line
 from raytide.bench.show import figure as text_figure
 from raytide.bench.show import measurements, remark
 from raytide.report.page import (
@@ -83,7 +84,8 @@ def parts_of(result: dict[str, Any]) -> list[Html]:
     if gains := ledger_rows(workloads):
         head = ["workload", "build time", "binaries", "run time", "memory"]
         parts.append(section("What leaving out saves", paragraph(LEDGER), table(head, gains)))
-    parts += [one for one in (soak_section(workloads), scramble_section(workloads)) if one]
+    others = (clocks_section(workloads), soak_section(workloads), scramble_section(workloads))
+    parts += [one for one in others if one]
     if workloads:
         parts.append(section("Cold start", paragraph(COLD), cold_table(workloads)))
     parts.append(section("To repeat it", code(result["command"]), details("hashes, host, environment", facts(
@@ -103,6 +105,7 @@ def device_facts(result: dict[str, Any]) -> dict[str, object]:
         "suite": f"{result['suite']} {result['tool']['suite_version']}",
         "class": result["class"] + (f" ({reasons})" if reasons else " (raytide as shipped, nothing set)"),
         "score": grade(line or "none", bool(line)),
+        "by its noise and its visits": interval_line(result.get("score")) or "not known",
         "measured": f"{result['created_utc']}, {result['duration_s']:.0f} s",
         "problems": "; ".join(result["problems"]) or "none",
     }  # fmt: skip

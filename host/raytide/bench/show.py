@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import statistics
 from typing import Any
 
-from raytide.bench.score import score_line
+from raytide.bench.score import interval_line, score_line
 
 _WORDS = ("", "LIMITED BY")  # heads of columns of words
 PREFIXES = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"))
@@ -42,7 +43,7 @@ def tables(result: dict[str, Any]) -> str:
             parts.append(table(result[part]))
     if result.get("workloads"):
         parts.append(workloads_table(result["workloads"], result.get("score")))
-        extras = (kernels_table, ledger_table, soak_table, scramble_table)
+        extras = (clocks_table, kernels_table, ledger_table, soak_table, scramble_table)
         parts += [text for make in extras if (text := make(result["workloads"]))]
     parts.append(verdict(result))
     return "\n\n".join(parts)
@@ -68,7 +69,9 @@ def remark(part: dict[str, Any]) -> str:
     if part["status"] != "ok":
         return f"{part['status']}: {part['reason']}"
     summary = part.get("summary") or {}
-    return ", ".join(word for word in ("unstable", "drifting") if summary.get(word))
+    left_out = summary.get("left_out")
+    words = [word for word in ("disturbed", "unstable", "drifting") if summary.get(word)]
+    return ", ".join([*words, *([f"{left_out} disturbed values left out"] if left_out else [])])
 
 
 def spread(summary: dict[str, Any]) -> str:
@@ -150,6 +153,28 @@ def workloads_table(workloads: list[dict[str, Any]], score: dict[str, Any] | Non
     return aligned(head, rows)
 
 
+def clocks_table(workloads: list[dict[str, Any]]) -> str:
+    """Both clocks, and what else the machine did."""
+    rows = []
+    for one in workloads:
+        timing, medians = one.get("timing"), (one.get("summary") or {}).get("visit_medians")
+        if timing and timing.get("event_s"):
+            host, device = (statistics.median(timing[key]) for key in ("values_s", "event_s"))
+            shares = [share for share in timing.get("others_frac") or [] if share is not None]
+            rows.append([one["id"], f"{host:.3f} s", f"{device:.3f} s", f"{100 * timing['event_gap_frac']:.1f} %",
+                         f"{100 * statistics.median(shares):.1f} %" if shares else "-",
+                         f"{min(medians) / max(medians):.3f}" if medians else "-", power_of(one)])  # fmt: skip
+    head = ["A VALUE", "HOST'S CLOCK", "DEVICE'S", "GAP", "OTHERS HAD", "SLOWEST VISIT", "POWER"]
+    return aligned(head, rows) if rows else ""
+
+
+def power_of(one: dict[str, Any]) -> str:
+    """Median watts and how they were measured, where they were."""
+    found = one.get("telemetry") or {}
+    watts = found.get("power_w")
+    return f"{statistics.median(watts):.1f} W ({found['method']})" if watts else "not available"
+
+
 def kernels_table(workloads: list[dict[str, Any]]) -> str:
     """Tracing kernels against the peaks of the same run; empty where no peaks were measured."""
     rows = []
@@ -201,9 +226,9 @@ def scramble_table(workloads: list[dict[str, Any]]) -> str:
 def verdict(result: dict[str, Any]) -> str:
     """The last line: the score, or why there is none."""
     score = result.get("score")
-    line = score_line(score)
+    line, doubt = score_line(score), interval_line(score)
     if line:
-        return line
+        return f"{doubt}\n{line}" if doubt else line
     if not score:
         return "no score: only suites quick, full and renders have one, and no scrambled or soaked run"
     bad = [f"{one['id']} {one['status']}" for one in result["workloads"] if one["status"] != "ok"]

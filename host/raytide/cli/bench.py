@@ -181,6 +181,14 @@ def write_csv(path: Path, results: Sequence[dict[str, Any]]) -> None:
     say(f"wrote {path}")
 
 
+def write_pyperf(path: Path, result: dict[str, Any]) -> None:
+    from raytide.bench.pyperf_export import pyperf_text
+    from raytide.report.files import write_text
+
+    write_text(path, pyperf_text(result))
+    say(f"wrote {path}")
+
+
 def write_html(path: Path, results: Sequence[dict[str, Any]]) -> None:
     from raytide.bench.report import result_page, summary_page
 
@@ -207,7 +215,9 @@ def schema() -> int:
 
 
 @app.command(name="show")
-def show_file(file: Path, /, *, csv: Flag = False, html: Path | None = None) -> int:
+def show_file(
+    file: Path, /, *, csv: Flag = False, html: Path | None = None, pyperf: Path | None = None
+) -> int:
     """Print a result file as tables, or as CSV.
 
     Parameters
@@ -218,15 +228,20 @@ def show_file(file: Path, /, *, csv: Flag = False, html: Path | None = None) -> 
         One row for each measurement.
     html
         Write a page for people to this file instead.
+    pyperf
+        Write the raw values to this file, for `python -m pyperf` to check, plot and compare, instead.
     """
     from raytide.bench.files import load_result
     from raytide.bench.show import csv_text, tables
     from raytide.cli.options import check_outputs
 
-    check_outputs([], [html], no_clobber=False)
+    check_outputs([], [html, pyperf], no_clobber=False)
     result = load_result(file)
     if html:
         write_html(html, [result])
+    if pyperf:
+        write_pyperf(pyperf, result)
+    if html or pyperf:
         return exit_code(result)
     print(csv_text(result) if csv else tables(result), end="" if csv else "\n")
     return exit_code(result)

@@ -60,7 +60,7 @@ def render(
     samples: Samples = None,
     coherence: Annotated[Flag, Parameter(help="measure how coherent each wave's rays are, into --report")] = False,
     everything: Annotated[Flag, Parameter(help="leave nothing out of the kernels, to compare")] = False,
-    traversal: Annotated[str, Parameter(help="of rays: single, packet, compact or auto; same picture")] = "auto",
+    traversal: Annotated[str, Parameter(help="of rays: single, list, packet, compact or auto; same picture")] = "auto",
     explain: Annotated[Flag, Parameter(help="show each setting's value and origin; without -o render nothing")] = False,
     allow_outside: Annotated[Flag, Parameter(help="let the scene name files outside its folder")] = False,
     half: Half = False,

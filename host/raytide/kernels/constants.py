@@ -6,6 +6,9 @@ TILE_SIDE = 8  # pixels; a tile of 8x8 neighbouring pixels is 64 neighbouring ra
 TILE = TILE_SIDE * TILE_SIDE
 RAY_GROUP = 64  # work-items of a group where each traces one ray
 TILE_GROUP = 4  # and where each traces TILE rays
+LIST_TRIANGLES = 128  # of a scene whose rays may be traced without its tree, by the variant `list`
+LIST_CORNERS = 3 * LIST_TRIANGLES  # apart from each other, at most
+SHEARED_BYTES = 3 * 8 * 4  # of a corner as eight rays see it
 FILM_BLOCK = 64  # neighbouring sample numbers of a pixel that the film sums by themselves; a power of two
 PARTITION_CHUNK = 1024  # queue items that one work-item of the compaction counts
 EDGE_BINS = 16  # path edges 1..15 are counted apart, 16 and more together
@@ -41,6 +44,8 @@ _UNSIGNED = {
     "TILE": TILE,
     "RAY_GROUP": RAY_GROUP,
     "TILE_GROUP": TILE_GROUP,
+    "LIST_TRIANGLES": LIST_TRIANGLES,
+    "LIST_CORNERS": LIST_CORNERS,
     "FILM_BLOCK": FILM_BLOCK,
     "PARTITION_CHUNK": PARTITION_CHUNK,
     "EDGE_BINS": EDGE_BINS,

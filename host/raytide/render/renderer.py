@@ -28,6 +28,7 @@ from raytide.render.frame import PIXEL_BYTES, Frame
 from raytide.render.instances import mesh_records
 from raytide.render.light_paths import SPLAT_BYTES, LightPaths
 from raytide.render.limits import History, Limits, limits_of
+from raytide.render.listed import is_short
 from raytide.render.loop import Loop, Shelf
 from raytide.render.pack import PackedScene, features_of, pack
 from raytide.render.provenance import provenance_of, report_of
@@ -45,10 +46,11 @@ class Renderer:
 
     `memory` bounds the wave buffers in bytes; `everything` builds kernels with every feature (to see what leaving
     out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
-    `traversal` says how rays are traced: "single", "packet" (64 together, where rays are in tile order), "compact"
-    (single, through a tree of small nodes) or "auto", which tries them (trial.py) or takes compact on GPUs; the picture
-    is the same, bit for bit. `settings` override keys of the scene's [render] table and camera `size`. Use as a context
-    manager. Two renderers may share a Device, one after the other: device times are counted by device.
+    `traversal` says how rays are traced: "single", "list" (eight together through all of a few triangles), "packet" (64
+    together, where rays are in tile order), "compact" (single, through a tree of small nodes) or "auto", which tries
+    them (trial.py) or takes compact on GPUs; the picture is the same, bit for bit. `settings` override keys of the
+    scene's [render] table and camera `size`. Use as a context manager. Two renderers may share a Device, one after the
+    other: device times are counted by device.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -119,7 +121,8 @@ class Renderer:
         """Programs whose source did not change stay as they are; all others are compiled side by side."""
         waves = [w for w in schedule.WAVES if w.needed(self.features)]
         waves += [schedule.AOV] if self.early_layers else []
-        self.variants = schedule.variants_for(self.traversal, self.device.kind, self.features)
+        short = is_short(self.packed.geometry)
+        self.variants = schedule.variants_for(self.traversal, self.device.kind, self.features, short)
         tracing = [w for variant in self.variants for w in variant.waves if w.needed(self.features)]
         waves += [w for w in tracing if w.name not in {wave.name for wave in waves}]
         sources = {wave.name: assemble(wave.entry, wave.features(self.features)) for wave in waves}
@@ -131,7 +134,8 @@ class Renderer:
         self.sources = sources
         self.programs = kept | (self.device.build(missing) if missing else {})
         kernels = {wave.name: sources[wave.name].sha256 for wave in tracing}
-        self.trial = Trial(self.device, self.variants, kernels, self.traversal != "auto")
+        self.trial = Trial(self.device, self.variants, kernels, self.traversal != "auto",
+                           len(self.packed.geometry.triangles))  # fmt: skip
 
     def _build_tree(self) -> None:
         parts = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)]
@@ -161,7 +165,8 @@ class Renderer:
                 f"{info.global_mem_bytes >> 20} MiB; render a smaller picture"
             )
         meshes = mesh_records(self.flat, self.packed.meshes, self.forest)
-        self.buffers = SceneBuffers(self.device, self.packed, self.forest, self.features, meshes)
+        lists = any(variant.listed for variant in self.variants)
+        self.buffers = SceneBuffers(self.device, self.packed, self.forest, self.features, meshes, lists)
         self.settings_buffer = self.device.upload(settings_record(self.flat, self.packed))
         self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height),
                            adaptive=self.features.adaptive)  # fmt: skip

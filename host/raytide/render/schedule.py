@@ -72,6 +72,7 @@ class Variant:
     together: bool
     fits: Callable[[str, Features], bool]
     usual: tuple[str, ...]
+    listed: bool = False  # for scenes of few triangles only, whose list its kernels take
 
     @property
     def waves(self) -> tuple[Wave, ...]:
@@ -79,11 +80,18 @@ class Variant:
         return Wave(f"extend{self.suffix}", traces=True), Wave(f"shadow{self.suffix}", lit, traces=True)
 
 
+def _listed_alone(features: Features) -> bool:
+    """Whether rays can meet nothing but triangles of the world, which have a tree as well."""
+    others = features.shapes or features.instances or features.compact or features.leaky
+    return features.tree and features.triangles and not others
+
+
 # Kinds of waves: which rays they trace. Launches of the first three follow the tiles of the picture, because compaction
 # keeps the order in which camera rays were made.
 KINDS = ("primary", "reflection[1]", "shadow[1]", "reflection", "shadow")
 VARIANTS = (
     Variant("single", "", False, lambda kind, features: not features.compact, KINDS),
+    Variant("list", "_list", True, lambda kind, features: kind != "gpu" and _listed_alone(features), KINDS, True),
     Variant("packet", "_packet", True, lambda kind, features: features.tree and not features.compact,
             ("primary", "shadow[1]")),
     Variant("compact", "", False, lambda kind, features: features.compact, KINDS),
@@ -96,12 +104,13 @@ def kind_of(label: str) -> str:
     return label if label in KINDS else "reflection" if label == "emitted" else label.partition("[")[0]
 
 
-def variants_for(traversal: str, kind: str, features: Features) -> tuple[Variant, ...]:
+def variants_for(traversal: str, kind: str, features: Features, short: bool = False) -> tuple[Variant, ...]:
     """The variants that a render may use: all that fit; a named one, and single rays for the waves that it is not for.
-    In the compact layout there is one. UsageError for an unknown `traversal`."""
+    In the compact layout there is one. `short`: whether the scene's triangles can be listed. UsageError for an unknown
+    `traversal`."""
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
-    fitting = [variant for variant in VARIANTS if variant.fits(kind, features)]
+    fitting = [v for v in VARIANTS if v.fits(kind, features) and (short or not v.listed)]
     return (fitting[0], *(v for v in fitting[1:] if traversal in ("auto", v.name)))
 
 

@@ -38,9 +38,13 @@ class _Kind:
 class Trial:
     """Chooses among `variants` for every launch. With `forced` there is nothing to choose: the usual one runs."""
 
-    def __init__(self, device: Device, variants: tuple[Variant, ...], kernels: dict[str, str], forced: bool) -> None:
-        """`kernels`: SHA-256 of the source of each tracing program by name."""
+    def __init__(
+        self, device: Device, variants: tuple[Variant, ...], kernels: dict[str, str], forced: bool, triangles: int
+    ) -> None:
+        """`kernels`: SHA-256 of the source of each tracing program by name. `triangles` of the scene: where they can be
+        listed, scenes of twice as many are tried anew."""
         self.device, self.variants = device, variants
+        self._size = str(triangles.bit_length()) if any(variant.listed for variant in variants) else ""
         self.spent_s = 0.0
         self._cache = FileCache("traversal")
         self._kernels = digest(*(f"{name} {sha}" for name, sha in sorted(kernels.items())))
@@ -112,7 +116,7 @@ class Trial:
         info = self.device.info
         names = " ".join(one.name for one in self.variants)
         return digest("traversal", binary_key(info, self.device.options, self._kernels), kind, names,
-                      str(info.compute_units))  # fmt: skip
+                      str(info.compute_units), self._size)  # fmt: skip
 
     def as_dict(self) -> dict[str, Any]:
         """For the report: by kind what runs, since when that is known, and rays/s of each variant."""

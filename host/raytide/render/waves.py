@@ -26,6 +26,7 @@ from raytide.kernels.constants import (
 )
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
+from raytide.render.listed import listed
 from raytide.render.pack import PackedScene
 from raytide.render.schedule import Variant, WavePlan, kind_of
 from raytide.render.textures import PackedTextures
@@ -77,9 +78,10 @@ class SceneBuffers:
     """The scene on the device."""
 
     def __init__(
-        self, device: Device, packed: PackedScene, forest: Forest, features: Features, meshes: np.ndarray
-    ) -> None:
-        """`meshes` are records Mesh."""
+        self, device: Device, packed: PackedScene, forest: Forest, features: Features, meshes: np.ndarray,
+        lists: bool = False,
+    ) -> None:  # fmt: skip
+        """`meshes` are records Mesh; `lists`: whether any variant of the traversal takes the triangles as a list."""
         flat = packed.geometry
         self._visibility, self.opacity = features.visibility, features.opacity
         self.nested = features.nested
@@ -103,6 +105,7 @@ class SceneBuffers:
                 np.uint32(forest.roots[-1]),
                 np.uint32(forest.first_blocks[-1]),
             )
+        self.listed = listed(flat).arguments(device) if lists else ()
         self.objects = device.upload(packed.objects)
         self.materials = device.upload(packed.materials)
         self.lights: tuple[Buffer, ...] = (device.upload(packed.lights),)
@@ -251,7 +254,8 @@ class Waves:
         def launch(variant: Variant) -> None:
             name = wave + variant.suffix
             items, local = trace_launch(count, alone=not variant.together and self.device.kind == "gpu")
-            self.device.launch(self.programs[name], name, items, local, *geometry, *arguments, label=label)
+            lists = self.scene.listed if variant.listed else ()
+            self.device.launch(self.programs[name], name, items, local, *geometry, *lists, *arguments, label=label)
 
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 

@@ -14,12 +14,14 @@ from raytide.kernels.constants import COUNTER_SHADOW, COUNTERS, trace_launch
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
+from raytide.render.listed import is_short, listed
 from raytide.report.ray_scenes import RayScene
 from raytide.report.ray_sets import RaySet
 
 # How rays can be traced, the default first. "plain" is single rays with a triangle test that leaks, which no render
-# has: what watertightness costs.
+# has: what watertightness costs. "list" beside them is for geometries that are short (render/listed.py).
 TRAVERSALS = ("single", "packet", "compact", "plain")
+_SUFFIXES = {"packet": "_packet", "list": "_list"}  # of kernels that trace rays together
 
 
 @dataclass(frozen=True)
@@ -46,13 +48,13 @@ class RayTracer:
     def __init__(
         self, device: Device, geometry: FlatGeometry, builder: str = "sah", traversal: str = TRAVERSALS[0]
     ) -> None:
-        if traversal not in TRAVERSALS:
+        if traversal not in TRAVERSALS and not (traversal == "list" and is_short(geometry)):
             raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
         self.device, self.geometry, self.traversal = device, geometry, traversal
         features = Features(tree=builder != "none", compact=traversal == "compact", leaky=traversal == "plain")
         if traversal != "single" and not features.tree:
             raise UsageError(f"traversal: came {traversal!r} without a tree; wanted single")
-        self._suffix = "_packet" if traversal == "packet" else ""
+        self._suffix = _SUFFIXES.get(traversal, "")
         names = [f"{wave}{self._suffix}" for wave in ("extend", "shadow")]
         self.sources = {name: assemble(f"wave/{name}.cl", features) for name in names}
         self.programs = device.build({**self.sources, **tree_sources(geometry, builder)})
@@ -67,7 +69,8 @@ class RayTracer:
         normals = upload(np.zeros((0, 4), np.float32))
         counts = (self.tree.block_count, len(flat.triangles), len(flat.shapes), flat.plane_count)
         arrays = (upload(flat.triangles), upload(flat.vertices), normals, upload(flat.shapes))
-        return (*self.tree.buffers(self.device), *arrays, *(np.uint32(n) for n in counts))
+        lists = listed(flat).arguments(self.device) if self.traversal == "list" else ()
+        return (*self.tree.buffers(self.device), *arrays, *(np.uint32(n) for n in counts), *lists)
 
     def load(self, rays: RaySet) -> None:
         """Put a ray set on the device; runs trace it until the next one comes."""
