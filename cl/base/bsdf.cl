@@ -1,4 +1,5 @@
 #pragma OPENCL FP_CONTRACT OFF
+#include "base/vector.cl"
 
 // What every material has, in its shading frame (z = shading normal, wo and wi unit and away from the surface):
 //   NAME_sample  a direction wi with its weight f |cos wi| / pdf
@@ -22,7 +23,7 @@ static BsdfSample bsdf_sample(const float3 wi, const float3 value, const float p
 {
     BsdfSample out;
     out.wi = wi;
-    out.weight = value * (pdf > 0.0f ? 1.0f / pdf : 0.0f);
+    out.weight = scale3(value, pdf > 0.0f ? 1.0f / pdf : 0.0f);
     out.pdf = pdf;
     out.flags = flags;
     return out;
@@ -37,7 +38,7 @@ typedef struct {
 static BsdfValue no_bsdf_value(void)
 {
     BsdfValue out;
-    out.value = (float3)(0.0f);
+    out.value = (float3)(0.0f, 0.0f, 0.0f);
     out.pdf = 0.0f;
     return out;
 }
@@ -46,7 +47,7 @@ static BsdfSample no_bsdf_sample(void)
 {
     BsdfSample out;
     out.wi = (float3)(0.0f, 0.0f, 1.0f);
-    out.weight = (float3)(0.0f);
+    out.weight = (float3)(0.0f, 0.0f, 0.0f);
     out.pdf = 0.0f;
     out.flags = 0u;
     return out;

@@ -16,7 +16,11 @@ static Facets facets_of(const float alpha_u, const float alpha_v, const float be
 {
     Facets out;
     out.alpha = (float2)(alpha_u, alpha_v);
-    out.beckmann = HAS_BECKMANN && beckmann != 0.0f;
+#if HAS_BECKMANN
+    out.beckmann = beckmann != 0.0f;
+#else
+    out.beckmann = 0;
+#endif
     return out;
 }
 

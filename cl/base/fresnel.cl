@@ -13,9 +13,8 @@ static float conductor_reflectance(const float cosine, const float eta, const fl
     const float s2 = (1.0f - cosine) * (1.0f + cosine);
     // eta^2 - k^2 - s2; where that cancels (normal incidence, grazing for eta near 1, the critical angle) exactly
     const float plain = eta * eta - k * k - s2;
-    const float t = abs_of(plain) < 0.25f * (eta * eta + k * k + s2)
-                        ? dot4_exact((float4)(eta, k, cosine, 1.0f), (float4)(eta, -k, cosine, -1.0f))
-                        : plain;
+    const float t = exact_if_cancelled(plain, 0.25f * (eta * eta + k * k + s2), (float4)(eta, k, cosine, 1.0f),
+                                       (float4)(eta, -k, cosine, -1.0f));
     const float p = 2.0f * eta * k;
     const float root = sqrt_of(t * t + p * p);
     // root = a^2 + b^2 and t = a^2 - b^2: the larger by sum, the smaller from a b = eta k
@@ -43,7 +42,7 @@ static float3 schlick_reflectance(const float cosine, const float3 normal_incide
 {
     const float x = 1.0f - min_of(cosine, 1.0f);
     const float x2 = x * x;
-    return normal_incidence + ((float3)(1.0f) - normal_incidence) * (x2 * x2 * x);
+    return add3(normal_incidence, scale3(subtract3((float3)(1.0f, 1.0f, 1.0f), normal_incidence), x2 * x2 * x));
 }
 
 // Reflectance of unpolarised light at a boundary from index n1 to n2; c > 0 and s2 = cosine and squared sine on

@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/math.cl"
 #include "base/portable.cl"
+#include "base/turns.cl"
 #include "base/vector.cl"
 
 // GGX (Trowbridge and Reitz 1975, Walter et al. 2007) with separable Smith masking, G = G1(wo) G1(wi): isotropic forms,
@@ -52,7 +53,7 @@ static float3 ggx_visible_normal(const float3 wo, const float2 alpha, const floa
     float s, c;
     sin_cos_turns(u.x, &s, &c);
     const float3 sum = (float3)(r * c + o.x, r * s + o.y, lift);
-    const float3 seen = sum - o * min_of(dot3(sum, o), 0.0f);  // opposite to o the sum is all rounding
+    const float3 seen = subtract3(sum, scale3(o, min_of(dot3(sum, o), 0.0f)));  // opposite to o the sum is all rounding
     return normalize3((float3)(alpha.x * seen.x, alpha.y * seen.y, seen.z));
 }
 
@@ -60,7 +61,7 @@ static float3 ggx_visible_normal(const float3 wo, const float2 alpha, const floa
 // are exchanged. Directions that cancel (both grazing) give the normal.
 static float3 half_vector(const float3 wo, const float3 wi, float *cosine)
 {
-    const float3 sum = wo + wi;
+    const float3 sum = add3(wo, wi);
     const float squared = dot3(sum, sum);
     const int cancelled = !(squared > 1.0e-24f);
     const float size = sqrt_of(squared);
@@ -71,5 +72,5 @@ static float3 half_vector(const float3 wo, const float3 wi, float *cosine)
 
 static float3 reflect_about(const float3 wo, const float3 h)
 {
-    return h * (2.0f * dot3(wo, h)) - wo;
+    return subtract3(scale3(h, 2.0f * dot3(wo, h)), wo);
 }

@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/portable.cl"
+#include "base/vector.cl"
 
 // Polynomial of degree 11 in 2 x - 1, coefficients from the constant term on (Horner): fits on [0, 1] that the host makes.
 static float polynomial12(const float4 a, const float4 b, const float4 c, const float x)

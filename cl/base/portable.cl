@@ -78,6 +78,9 @@ static float floor_of(const float x)
 #endif
 }
 
+// Towards zero, of numbers that an int holds.
+static int int_of(const float x) { return (int)x; }
+
 // a b + c rounded once. Where the hardware cannot, a plain sum of products: the forms that use it then keep their
 // exact antisymmetry and lose only digits. The start-up probe reports which of the two a device does.
 static float fma_of(const float a, const float b, const float c)
@@ -131,6 +134,27 @@ static float8 sqrt8(const float8 x)
                     sqrt_of(x.s6), sqrt_of(x.s7));
 #else
     return sqrt(x);
+#endif
+}
+
+static float8 clamp8(const float8 x, const float8 low, const float8 high)
+{
+    const float8 above = x < low ? low : x;
+    return above > high ? high : above;
+}
+
+static float8 floor8(const float8 x)
+{
+    return (float8)(floor_of(x.s0), floor_of(x.s1), floor_of(x.s2), floor_of(x.s3), floor_of(x.s4), floor_of(x.s5),
+                    floor_of(x.s6), floor_of(x.s7));
+}
+
+static int8 int8_of(const float8 x)
+{
+#if CLANG_BUILTINS && __has_builtin(__builtin_convertvector)
+    return __builtin_convertvector(x, int8);
+#else
+    return convert_int8(x);
 #endif
 }
 

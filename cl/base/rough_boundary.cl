@@ -21,12 +21,12 @@ static Boundary boundary_between(const Facets f, const float ior, const int turn
     const int reflects = wi.z > 0.0f;
     const float eta = turned ? 1.0f / ior : ior;  // index below / index above
     const float bend = reflects ? 1.0f : eta;
-    const float3 sum = wo * (turned && !reflects ? ior : 1.0f) + wi * (turned || reflects ? 1.0f : ior);
+    const float3 sum = add3(scale3(wo, turned && !reflects ? ior : 1.0f), scale3(wi, turned || reflects ? 1.0f : ior));
     const float squared = dot3(sum, sum);
     const int joined = squared > 1.0e-12f;  // else no facet in particular joins them
     const float size = sqrt_of(joined ? squared : 1.0f);
-    const float3 up = sum * ((sum.z < 0.0f ? -1.0f : 1.0f) / size);
-    const float3 h = joined ? up : (float3)(0.0f, 0.0f, 1.0f);
+    const float3 up = scale3(sum, (sum.z < 0.0f ? -1.0f : 1.0f) / size);
+    const float3 h = choose3(joined, up, (float3)(0.0f, 0.0f, 1.0f));
     const float cos_o = reflects ? 0.5f * size : dot3(wo, h);
     const float cos_i = reflects ? 0.5f * size : -dot3(wi, h);
     const float c = min_of(max_of(turned && !reflects ? cos_i : cos_o, 0.0f), 1.0f);
@@ -51,5 +51,5 @@ static float3 turned_over(const float3 w, const int turn) { return (float3)(w.x,
 static float3 refract_about(const float3 wo, const float3 h, const float eta, const float cosine2)
 {
     const float ratio = 1.0f / eta;
-    return h * (ratio * dot3(wo, h) - cosine2) - wo * ratio;
+    return subtract3(scale3(h, ratio * dot3(wo, h) - cosine2), scale3(wo, ratio));
 }

@@ -14,6 +14,14 @@ static float difference_of_products(const float a, const float b, const float c,
 
 static float dot3(const float3 a, const float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
+// For texts that serve eight vectors at once, too, which operators do not know.
+static float3 add3(const float3 a, const float3 b) { return a + b; }
+static float3 subtract3(const float3 a, const float3 b) { return a - b; }
+static float3 multiply3(const float3 a, const float3 b) { return a * b; }
+static float3 divide3(const float3 a, const float3 b) { return a / b; }
+static float3 scale3(const float3 a, const float f) { return a * f; }
+static float3 choose3(const int which, const float3 yes, const float3 no) { return which ? yes : no; }
+
 // Sum and its rounding error, exactly (Knuth, TAOCP 4.2.2).
 static float two_sum(const float a, const float b, float *error)
 {
@@ -34,6 +42,12 @@ static float dot4_exact(const float4 a, const float4 b)
     const float sum = two_sum(two_sum(p, q, &e0), two_sum(r, s, &e1), &e2);
     const float low = (fma_of(a.x, b.x, -p) + fma_of(a.y, b.y, -q)) + (fma_of(a.z, b.z, -r) + fma_of(a.w, b.w, -s));
     return sum + (((e0 + e1) + e2) + low);
+}
+
+// `plain`, a sum of products, taken exactly as a . b where it is below `limit` because its terms cancel.
+static float exact_if_cancelled(const float plain, const float limit, const float4 a, const float4 b)
+{
+    return abs_of(plain) < limit ? dot4_exact(a, b) : plain;
 }
 
 static float dot3_exact(const float3 a, const float3 b) { return dot4_exact(make4(a, 0.0f), make4(b, 0.0f)); }

@@ -1,6 +1,8 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/math.cl"
 #include "base/portable.cl"
+#include "base/turns.cl"
+#include "base/vector.cl"
 
 // Area-preserving maps from the unit square, u in [0,1)^2.
 

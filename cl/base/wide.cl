@@ -4,9 +4,8 @@
 #include "base/math.cl"
 #include "base/rows8.cl"
 // Eight vectors side by side, one a lane, for CPUs whose compiler does not join work-items. Every function does in each
-// lane what the one of base/vector.cl, frame.cl, math.cl, mis.cl or warp.cl without the 8 in its name does, operation by
-// operation: whether something was shaded alone or among eight changes no bit. tests/device/test_wide_functions.py holds
-// them together.
+// lane what the one of base/vector.cl, frame.cl or mis.cl without the 8 in its name does, operation by operation: whether
+// something was shaded alone or among eight changes no bit. tests/device/test_wide_functions.py holds them together.
 
 #if DEVICE_CPU
 #define LANES 8u
@@ -26,9 +25,33 @@ static Vector8 vector8(const float8 x, const float8 y, const float8 z)
     return out;
 }
 
+typedef struct {
+    float8 x;
+    float8 y;
+} Pair8;
+
+static Pair8 pair8(const float8 x, const float8 y)
+{
+    Pair8 out;
+    out.x = x;
+    out.y = y;
+    return out;
+}
+
+static Rows8 four8(const float8 x, const float8 y, const float8 z, const float8 w)
+{
+    Rows8 out;
+    out.x = x;
+    out.y = y;
+    out.z = z;
+    out.w = w;
+    return out;
+}
+
 static Vector8 add8(const Vector8 a, const Vector8 b) { return vector8(a.x + b.x, a.y + b.y, a.z + b.z); }
 static Vector8 subtract8(const Vector8 a, const Vector8 b) { return vector8(a.x - b.x, a.y - b.y, a.z - b.z); }
 static Vector8 multiply8(const Vector8 a, const Vector8 b) { return vector8(a.x * b.x, a.y * b.y, a.z * b.z); }
+static Vector8 divide8(const Vector8 a, const Vector8 b) { return vector8(a.x / b.x, a.y / b.y, a.z / b.z); }
 static Vector8 scale8(const Vector8 a, const float8 f) { return vector8(a.x * f, a.y * f, a.z * f); }
 static Vector8 negate8(const Vector8 a) { return vector8(-a.x, -a.y, -a.z); }
 static float8 dot8(const Vector8 a, const Vector8 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
@@ -67,6 +90,28 @@ static Vector8 cross8(const Vector8 a, const Vector8 b)
 {
     return vector8(difference_of_products8(a.y, b.z, a.z, b.y), difference_of_products8(a.z, b.x, a.x, b.z),
                    difference_of_products8(a.x, b.y, a.y, b.x));
+}
+
+static float4 row_of(const Rows8 *v, const uint k)
+{
+    return (float4)(lane_of(&v->x, k), lane_of(&v->y, k), lane_of(&v->z, k), lane_of(&v->w, k));
+}
+
+// Apart, so that nothing else needs its numbers in memory.
+static float8 sums_taken_exactly(const float8 plain, const uint cancelled, const Rows8 a, const Rows8 b)
+{
+    float8 out = plain;
+    for (uint rest = cancelled; rest != 0u; rest &= rest - 1u) {
+        const uint k = ctz_of(rest);
+        set_lane(&out, k, dot4_exact(row_of(&a, k), row_of(&b, k)));
+    }
+    return out;
+}
+
+static float8 exact_if_cancelled8(const float8 plain, const float8 limit, const Rows8 a, const Rows8 b)
+{
+    const uint cancelled = movemask8(abs8(plain) < limit);
+    return cancelled == 0u ? plain : sums_taken_exactly(plain, cancelled, a, b);
 }
 
 static float8 scale_to_one8(const float8 x) { return as_float8(0x7f000000u - (as_uint8(x) & 0x7f800000u)); }
@@ -141,33 +186,6 @@ static Vector8 to_local8(const Frame8 frame, const Vector8 v)
     return vector8(dot8(frame.s, v), dot8(frame.t, v), dot8(frame.n, v));
 }
 
-static void sin_cos_octant8(const float8 x, float8 *s, float8 *c)
-{
-    const float8 z = x * x;
-    const float8 p_high = fma8((float8)(-1.951726736e-4f), z, (float8)(8.332177997e-3f));
-    const float8 q_high = fma8((float8)(2.443841549e-5f), z, (float8)(-1.388736768e-3f));
-    const float8 p = fma8(p_high, z, (float8)(-1.666665524e-1f));
-    const float8 q = fma8(q_high, z, (float8)(4.166664556e-2f));
-    *s = fma8(x * z, p, x);
-    *c = fma8(z * z, q, 1.0f - 0.5f * z);
-}
-
-static Vector8 cosine_hemisphere8(const float8 u, const float8 v)
-{
-    const float8 a = 2.0f * u - 1.0f;
-    const float8 b = 2.0f * v - 1.0f;
-    const int8 steep = b * b > a * a;
-    const float8 r = steep ? b : a;
-    const float8 other = steep ? a : b;
-    const float8 ratio = other / (r != 0.0f ? r : (float8)(1.0f));
-    float8 s, c;
-    sin_cos_octant8(QUARTER_PI * ratio, &s, &c);
-    const float8 x = r * (steep ? s : c);
-    const float8 y = r * (steep ? c : s);
-    const float8 squared = 1.0f - (x * x + y * y);
-    return vector8(x, y, sqrt8(squared > 1.4901161e-8f ? squared : (float8)(1.4901161e-8f)));
-}
-
 static float8 power_heuristic8(const float8 own, const float8 other)
 {
     const float8 ratio = own == other ? (float8)(1.0f) : other / own;
@@ -198,13 +216,5 @@ static void put_rows(global float4 *rows, const uint8 index, const Rows8 r, cons
     }
 }
 
-static Rows8 rows8(const Vector8 v, const float8 w)
-{
-    Rows8 out;
-    out.x = v.x;
-    out.y = v.y;
-    out.z = v.z;
-    out.w = w;
-    return out;
-}
+static Rows8 rows8(const Vector8 v, const float8 w) { return four8(v.x, v.y, v.z, w); }
 #endif

@@ -8,7 +8,7 @@ static BsdfSample conductor_sample(const Conductor m, const float3 wo, const flo
 {
     BsdfSample out;
     out.wi = (float3)(-wo.x, -wo.y, wo.z);
-    out.weight = m.specular_reflectance * conductor_reflectance3(min_of(wo.z, 1.0f), m.eta, m.k);
+    out.weight = multiply3(m.specular_reflectance, conductor_reflectance3(min_of(wo.z, 1.0f), m.eta, m.k));
     out.pdf = 1.0f;
     out.flags = BSDF_DELTA;
     return out;
@@ -16,7 +16,7 @@ static BsdfSample conductor_sample(const Conductor m, const float3 wo, const flo
 
 static float3 conductor_eval(const Conductor m, const float3 wo, const float3 wi)
 {
-    return (float3)(0.0f);
+    return (float3)(0.0f, 0.0f, 0.0f);
 }
 
 static float conductor_pdf(const Conductor m, const float3 wo, const float3 wi)
@@ -26,5 +26,5 @@ static float conductor_pdf(const Conductor m, const float3 wo, const float3 wi)
 
 static float3 conductor_albedo(const Conductor m)
 {
-    return m.specular_reflectance * conductor_reflectance3(1.0f, m.eta, m.k);
+    return multiply3(m.specular_reflectance, conductor_reflectance3(1.0f, m.eta, m.k));
 }

@@ -18,7 +18,7 @@ static BsdfSample dielectric_sample(const Dielectric m, const float3 wo, const f
     const float bend = reflects ? 1.0f : ratio;
     BsdfSample out;
     out.wi = (float3)(-wo.x * bend, -wo.y * bend, reflects ? wo.z : (outside ? -cosine_i : cosine_i));
-    out.weight = (reflects ? m.specular_reflectance : m.specular_transmittance) * (bend * bend);
+    out.weight = scale3(choose3(reflects, m.specular_reflectance, m.specular_transmittance), bend * bend);
     out.pdf = reflects ? reflectance : 1.0f - reflectance;
     out.flags = reflects ? BSDF_DELTA : BSDF_DELTA | BSDF_TRANSMIT;
     return out;
@@ -26,7 +26,7 @@ static BsdfSample dielectric_sample(const Dielectric m, const float3 wo, const f
 
 static float3 dielectric_eval(const Dielectric m, const float3 wo, const float3 wi)
 {
-    return (float3)(0.0f);
+    return (float3)(0.0f, 0.0f, 0.0f);
 }
 
 static float dielectric_pdf(const Dielectric m, const float3 wo, const float3 wi)

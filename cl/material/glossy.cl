@@ -36,11 +36,11 @@ static GlossyLobes glossy_lobes(const Glossy m, const float share, const float3 
     const float visible = ggx_density(h, alpha) * ggx_half_visibility(wo.z, alpha);
     const float seen = m.roughness >= GGX_MIRROR ? visible : 0.0f;
     const float lobe = seen * ggx_half_visibility(wi.z, alpha) * wi.z;
-    const float3 specular = schlick_reflectance(cosine, m.specular_color) * (m.specular * lobe);
-    const float3 diffuse = m.reflectance * ((1.0f - m.specular) * wi.z * INVERSE_PI);
+    const float3 specular = scale3(schlick_reflectance(cosine, m.specular_color), m.specular * lobe);
+    const float3 diffuse = scale3(m.reflectance, (1.0f - m.specular) * wi.z * INVERSE_PI);
     const float pdf = (1.0f - share) * wi.z * INVERSE_PI + share * 0.5f * seen;
     GlossyLobes out;
-    out.value = lit ? diffuse + specular : (float3)(0.0f);
+    out.value = choose3(lit, add3(diffuse, specular), (float3)(0.0f, 0.0f, 0.0f));
     out.pdf = lit ? pdf : 0.0f;
     return out;
 }
@@ -60,15 +60,15 @@ static BsdfSample glossy_sample(const Glossy m, const float3 wo, const float4 u)
     const float share = glossy_specular_share(m, wo.z);
     const int specular = u.z < share;
     const int smooth = specular && m.roughness < GGX_MIRROR;
-    const float3 facet = ggx_visible_normal(wo, (float2)(m.roughness), u.xy);
-    const float3 bounced = smooth ? (float3)(-wo.x, -wo.y, wo.z) : reflect_about(wo, facet);
-    const float3 wi = specular ? bounced : cosine_hemisphere(u.xy);
+    const float3 facet = ggx_visible_normal(wo, (float2)(m.roughness, m.roughness), (float2)(u.x, u.y));
+    const float3 bounced = choose3(smooth, (float3)(-wo.x, -wo.y, wo.z), reflect_about(wo, facet));
+    const float3 wi = choose3(specular, bounced, cosine_hemisphere((float2)(u.x, u.y)));
     const GlossyLobes lobes = glossy_lobes(m, share, wo, wi);
-    const float3 value = smooth ? schlick_reflectance(wo.z, m.specular_color) * m.specular : lobes.value;
+    const float3 value = choose3(smooth, scale3(schlick_reflectance(wo.z, m.specular_color), m.specular), lobes.value);
     return bsdf_sample(wi, value, smooth ? share : lobes.pdf, smooth ? BSDF_DELTA : 0u);
 }
 
 static float3 glossy_albedo(const Glossy m)
 {
-    return m.reflectance * (1.0f - m.specular) + m.specular_color * m.specular;
+    return add3(scale3(m.reflectance, 1.0f - m.specular), scale3(m.specular_color, m.specular));
 }

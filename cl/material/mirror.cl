@@ -14,7 +14,7 @@ static BsdfSample mirror_sample(const Mirror m, const float3 wo, const float4 u)
 
 static float3 mirror_eval(const Mirror m, const float3 wo, const float3 wi)
 {
-    return (float3)(0.0f);
+    return (float3)(0.0f, 0.0f, 0.0f);
 }
 
 static float mirror_pdf(const Mirror m, const float3 wo, const float3 wi)

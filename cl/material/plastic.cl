@@ -27,15 +27,17 @@ static float plastic_share(const Plastic m, const float reflected)
 // f of the base without the coat's two factors.
 static float3 plastic_base(const Plastic m)
 {
-    const float3 again = m.nonlinear != 0.0f ? m.reflectance : (float3)(1.0f);
-    return m.reflectance / ((float3)(1.0f) - again * m.internal) * (INVERSE_PI / (m.ior * m.ior));
+    const float3 one = (float3)(1.0f, 1.0f, 1.0f);
+    const float3 again = choose3(m.nonlinear != 0.0f, m.reflectance, one);
+    const float3 kept = subtract3(one, scale3(again, m.internal));
+    return scale3(divide3(m.reflectance, kept), INVERSE_PI / (m.ior * m.ior));
 }
 
 static float3 plastic_eval(const Plastic m, const float3 wo, const float3 wi)
 {
     const float enters = 1.0f - coat_reflectance(m.ior, wo.z);
     const float leaves = 1.0f - coat_reflectance(m.ior, wi.z);
-    return plastic_base(m) * (wo.z > 0.0f && wi.z > 0.0f ? enters * leaves * wi.z : 0.0f);
+    return scale3(plastic_base(m), wo.z > 0.0f && wi.z > 0.0f ? enters * leaves * wi.z : 0.0f);
 }
 
 static float plastic_pdf(const Plastic m, const float3 wo, const float3 wi)
@@ -49,10 +51,10 @@ static BsdfSample plastic_sample(const Plastic m, const float3 wo, const float4 
     const float reflected = coat_reflectance(m.ior, wo.z);
     const float share = plastic_share(m, reflected);
     const int coat = u.z < share;
-    const float3 base = cosine_hemisphere(u.xy);
-    const float3 wi = coat ? (float3)(-wo.x, -wo.y, wo.z) : base;
+    const float3 base = cosine_hemisphere((float2)(u.x, u.y));
+    const float3 wi = choose3(coat, (float3)(-wo.x, -wo.y, wo.z), base);
     const float pdf = plastic_pdf(m, wo, wi);
-    const float3 value = coat ? m.specular_reflectance * reflected : plastic_eval(m, wo, wi);
+    const float3 value = choose3(coat, scale3(m.specular_reflectance, reflected), plastic_eval(m, wo, wi));
     return bsdf_sample(wi, value, coat ? share : pdf, coat ? BSDF_DELTA : 0u);
 }
 

@@ -17,11 +17,13 @@ static Facets rough_conductor_facets(const RoughConductor m)
     return facets_of(m.roughness_u, m.roughness_v, m.beckmann);
 }
 
+#if HAS_COMPENSATION
 static float rough_conductor_lost(const RoughConductor m, const float z)
 {
     const float x = sqrt_of(clamp_of(z, 0.0f, 1.0f));
     return clamp_of(polynomial12(m.lost0, m.lost4, m.lost8, x), 0.0f, 1.0f);
 }
+#endif
 
 // Probability of sampling that lobe.
 static float rough_conductor_share(const RoughConductor m, const float z)
@@ -39,7 +41,7 @@ static float3 rough_conductor_further(const RoughConductor m, const float3 wo, c
     const float lost = rough_conductor_lost(m, wo.z) * rough_conductor_lost(m, wi.z);
     return m.further * (m.lost_mean > 1.0e-5f ? lost * wi.z * INVERSE_PI / m.lost_mean : 0.0f);
 #else
-    return (float3)(0.0f);
+    return (float3)(0.0f, 0.0f, 0.0f);
 #endif
 }
 
@@ -50,8 +52,9 @@ static float3 rough_conductor_eval(const RoughConductor m, const float3 wo, cons
     const float3 h = half_vector(wo, wi, &cosine);
     const float lobe = facets_density(f, h) * facets_half_visibility(f, wo) * facets_half_visibility(f, wi) * wi.z;
     const int lit = wo.z > 0.0f && wi.z > 0.0f && !facets_smooth(f);
-    const float3 value = conductor_reflectance3(cosine, m.eta, m.k) * lobe + rough_conductor_further(m, wo, wi);
-    return m.specular_reflectance * (lit ? value : (float3)(0.0f));
+    const float3 once = scale3(conductor_reflectance3(cosine, m.eta, m.k), lobe);
+    const float3 value = add3(once, rough_conductor_further(m, wo, wi));
+    return multiply3(m.specular_reflectance, choose3(lit, value, (float3)(0.0f, 0.0f, 0.0f)));
 }
 
 static float rough_conductor_pdf(const RoughConductor m, const float3 wo, const float3 wi)
@@ -69,15 +72,17 @@ static BsdfSample rough_conductor_sample(const RoughConductor m, const float3 wo
 {
     const Facets f = rough_conductor_facets(m);
     const int smooth = facets_smooth(f);
-    const float3 facet = facets_visible_normal(f, wo, u.xy);
-    const float3 h = smooth ? (float3)(0.0f, 0.0f, 1.0f) : facet;
+    const float3 facet = facets_visible_normal(f, wo, (float2)(u.x, u.y));
+    const float3 up = (float3)(0.0f, 0.0f, 1.0f);
+    const float3 h = choose3(smooth, up, facet);
     BsdfSample out;
     out.wi = reflect_about(wo, h);
     const int above = out.wi.z > 0.0f;
-    const float3 wi = above ? out.wi : (float3)(0.0f, 0.0f, 1.0f);
+    const float3 wi = choose3(above, out.wi, up);
     const float3 reflected = conductor_reflectance3(min_of(abs_of(dot3(wo, h)), 1.0f), m.eta, m.k);
     const float masking = 2.0f * wi.z * facets_half_visibility(f, wi);
-    out.weight = m.specular_reflectance * reflected * (smooth ? 1.0f : (above ? masking : 0.0f));
+    const float share = smooth ? 1.0f : (above ? masking : 0.0f);
+    out.weight = scale3(multiply3(m.specular_reflectance, reflected), share);
     out.pdf = smooth ? 1.0f : rough_conductor_pdf(m, wo, out.wi);
     out.flags = smooth ? BSDF_DELTA : 0u;
 #if HAS_COMPENSATION
@@ -91,5 +96,5 @@ static BsdfSample rough_conductor_sample(const RoughConductor m, const float3 wo
 
 static float3 rough_conductor_albedo(const RoughConductor m)
 {
-    return m.specular_reflectance * conductor_reflectance3(1.0f, m.eta, m.k);
+    return multiply3(m.specular_reflectance, conductor_reflectance3(1.0f, m.eta, m.k));
 }

@@ -35,10 +35,12 @@ static float3 rough_plastic_eval(const RoughPlastic m, const float3 wo, const fl
     const int lit = wo.z > 0.0f && wi.z > 0.0f;
     const Boundary b = boundary_between(rough_plastic_facets(m), m.ior, 0, wo, wi);
     const float through = rough_plastic_transmittance(m, wo.z) * rough_plastic_transmittance(m, wi.z);
-    const float3 again = m.nonlinear != 0.0f ? m.reflectance : (float3)(1.0f);
-    const float3 base = m.reflectance / ((float3)(1.0f) - again * m.internal) * (through / (m.ior * m.ior));
-    const float3 value = base * (wi.z * INVERSE_PI) + m.specular_reflectance * (b.reflectance * b.value);
-    return lit ? value : (float3)(0.0f);
+    const float3 one = (float3)(1.0f, 1.0f, 1.0f);
+    const float3 again = choose3(m.nonlinear != 0.0f, m.reflectance, one);
+    const float3 kept = subtract3(one, scale3(again, m.internal));
+    const float3 base = scale3(divide3(m.reflectance, kept), through / (m.ior * m.ior));
+    const float3 coat = scale3(m.specular_reflectance, b.reflectance * b.value);
+    return choose3(lit, add3(scale3(base, wi.z * INVERSE_PI), coat), (float3)(0.0f, 0.0f, 0.0f));
 }
 
 static float rough_plastic_pdf(const RoughPlastic m, const float3 wo, const float3 wi)
@@ -52,10 +54,10 @@ static float rough_plastic_pdf(const RoughPlastic m, const float3 wo, const floa
 static BsdfSample rough_plastic_sample(const RoughPlastic m, const float3 wo, const float4 u)
 {
     const float share = rough_plastic_share(m, rough_plastic_transmittance(m, wo.z));
-    const float3 h = facets_visible_normal(rough_plastic_facets(m), wo, u.xy);
+    const float3 h = facets_visible_normal(rough_plastic_facets(m), wo, (float2)(u.x, u.y));
     const float3 coat = renormalize3(reflect_about(wo, h));
-    const float3 base = cosine_hemisphere(u.xy);
-    const float3 wi = u.z < share ? coat : base;
+    const float3 base = cosine_hemisphere((float2)(u.x, u.y));
+    const float3 wi = choose3(u.z < share, coat, base);
     return bsdf_sample(wi, rough_plastic_eval(m, wo, wi), rough_plastic_pdf(m, wo, wi), 0u);
 }
 

@@ -13,7 +13,7 @@ static BsdfSample thin_dielectric_sample(const ThinDielectric m, const float3 wo
     const int reflects = u.z < reflectance;
     BsdfSample out;
     out.wi = (float3)(-wo.x, -wo.y, reflects ? wo.z : -wo.z);
-    out.weight = reflects ? m.specular_reflectance : m.specular_transmittance;
+    out.weight = choose3(reflects, m.specular_reflectance, m.specular_transmittance);
     out.pdf = reflects ? reflectance : 1.0f - reflectance;
     out.flags = reflects ? BSDF_DELTA : BSDF_DELTA | BSDF_TRANSMIT;
     return out;
@@ -21,7 +21,7 @@ static BsdfSample thin_dielectric_sample(const ThinDielectric m, const float3 wo
 
 static float3 thin_dielectric_eval(const ThinDielectric m, const float3 wo, const float3 wi)
 {
-    return (float3)(0.0f);
+    return (float3)(0.0f, 0.0f, 0.0f);
 }
 
 static float thin_dielectric_pdf(const ThinDielectric m, const float3 wo, const float3 wi)

@@ -1,12 +1,13 @@
 #pragma OPENCL FP_CONTRACT OFF
 // Eight vertices of paths at once, for CPUs: in each lane what wave/vertex.cl does, operation by operation, which
-// tests/image/test_wide_shading.py holds to the bit. Lanes that need what few scenes have are left to it. Materials but
-// diffuse ones, and lights but triangles, are asked one by one.
+// tests/image/test_wide_shading.py holds to the bit. Lanes that need what few scenes have are left to it. Materials
+// whose text serves eight are asked together (dispatch/material8.cl), others and lights but triangles one by one.
+#include "base/warp8.cl"
 #include "base/wide.cl"
 #include "base/wide_sampler.cl"
 #include "accel/geometry.cl"
 #include "accel/wide_surface.cl"
-#include "dispatch/material.cl"
+#include "dispatch/material8.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
 #include "wave/vertex.cl"
@@ -15,7 +16,6 @@
     (DEVICE_CPU && HAS_TRIANGLES && !HAS_LOCAL && !HAS_TEXTURED && !HAS_BLEND && !HAS_OPACITY && !HAS_ABSORPTION &&   \
      !HAS_TANGENTS && !HAS_INSTANCES && !HAS_VISIBILITY)
 #if WIDE_SHADING
-#define MATERIAL_ROWS ((uint)(sizeof(Material) / sizeof(float4)))
 #define LIGHT_ROWS ((uint)(sizeof(Light) / sizeof(float4)))
 
 typedef struct {
@@ -37,13 +37,6 @@ typedef struct {
     uint8 delta;
     uint8 infinite;
 } LightSamples8;
-
-typedef struct {
-    Vector8 wi;
-    Vector8 weight;
-    float8 pdf;
-    uint8 flags;
-} BsdfSamples8;
 
 static void set_bits(uint8 *v, const uint k, const uint value) { ((uint *)v)[k] = value; }
 
@@ -128,14 +121,19 @@ static Rows8 values_of(global const Material *materials, const Vertices8 *v, con
     const Rows8 known = rows8(vector8((float8)(0.0f), (float8)(0.0f), (float8)(0.0f)), (float8)(0.0f));
 #endif
     const uint others = other_lanes(v->kind, lanes);
-    return others == 0u ? known : further_values(materials, v->material, v->wo, wi, known, others);
+    if (others == 0u) {
+        return known;
+    }
+    Rows8 out = known;
+    const uint rest = others & ~wide_values(materials, v->material, v->kind, v->wo, wi, others, &out);
+    return rest == 0u ? out : further_values(materials, v->material, v->wo, wi, out, rest);
 }
 
 // material_sample for lanes of any kind, put among those that are there.
-static BsdfSamples8 further_samples(global const Material *materials, const uint8 material, const Vector8 wo,
-                                    const Rows8 u, const BsdfSamples8 known, const uint lanes)
+static BsdfSample8 further_samples(global const Material *materials, const uint8 material, const Vector8 wo,
+                                    const Rows8 u, const BsdfSample8 known, const uint lanes)
 {
-    BsdfSamples8 out = known;
+    BsdfSample8 out = known;
     for (uint rest = lanes; rest != 0u; rest &= rest - 1u) {
         const uint k = ctz_of(rest);
         const float4 numbers = (float4)(lane_of(&u.x, k), lane_of(&u.y, k), lane_of(&u.z, k), lane_of(&u.w, k));
@@ -150,12 +148,12 @@ static BsdfSamples8 further_samples(global const Material *materials, const uint
 }
 
 // material_sample; diffuse_sample in the lanes that are diffuse.
-static BsdfSamples8 samples_of(global const Material *materials, const Vertices8 *v, const Rows8 u)
+static BsdfSample8 samples_of(global const Material *materials, const Vertices8 *v, const Rows8 u)
 {
-    BsdfSamples8 known;
+    BsdfSample8 known;
     known.flags = (uint8)(0u);
 #if HAS_DIFFUSE
-    known.wi = cosine_hemisphere8(u.x, u.y);
+    known.wi = cosine_hemisphere8(pair8(u.x, u.y));
     known.weight = reflectances(materials, v->material);
     known.pdf = v->kind == MATERIAL_DIFFUSE ? known.wi.z * INVERSE_PI : (float8)(0.0f);
 #else
@@ -163,6 +161,11 @@ static BsdfSamples8 samples_of(global const Material *materials, const Vertices8
     known.pdf = (float8)(0.0f);
 #endif
     const uint others = other_lanes(v->kind, v->lanes);
-    return others == 0u ? known : further_samples(materials, v->material, v->wo, u, known, others);
+    if (others == 0u) {
+        return known;
+    }
+    BsdfSample8 out = known;
+    const uint rest = others & ~wide_samples(materials, v->material, v->kind, v->wo, u, others, &out);
+    return rest == 0u ? out : further_samples(materials, v->material, v->wo, u, out, rest);
 }
 #endif

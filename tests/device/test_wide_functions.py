@@ -26,7 +26,7 @@ CASES = {
     "frame_of": ("rows8(frame_of8(A3).s, frame_of8(A3).t.y)", "make4(frame_of(a3).s, frame_of(a3).t.y)"),
     "to_world": ("rows8(to_world8(frame_of8(A3), B3), zero)", "make4(to_world(frame_of(a3), b3), 0.0f)"),
     "to_local": ("rows8(to_local8(frame_of8(A3), B3), zero)", "make4(to_local(frame_of(a3), b3), 0.0f)"),
-    "cosine_hemisphere": ("rows8(cosine_hemisphere8(C.x, C.y), zero)", "make4(cosine_hemisphere(c.xy), 0.0f)"),
+    "cosine_hemisphere": ("rows8(cosine_hemisphere8(pair8(C.x, C.y)), zero)", "make4(cosine_hemisphere(c.xy), 0.0f)"),
     "power_heuristic": ("rows8(A3, power_heuristic8(A.w, B.w))", "make4(a3, power_heuristic(a.w, b.w))"),
     "triangle_cross": ("rows8(triangle_cross8(corners), zero)", "make4(triangle_cross(a3, b3, c3), 0.0f)"),
     "triangle_error": ("rows8(A3, triangle_error8(corners, C3))", "make4(a3, triangle_error(a3, b3, c3, c3))"),
@@ -36,6 +36,26 @@ CASES = {
     ),
     "density_by_area": ("rows8(A3, density_by_area8(A3, B3, C3, C.w))", "make4(a3, density_by_area(a3, b3, c3, c.w))"),
     "spawn_origin": ("rows8(spawn_origin8(&from, C3), zero)", "make4(spawn_origin(&from_one, c3), 0.0f)"),
+    "clamp_of": ("rows8(A3, clamp8(A.w, zero, one))", "make4(a3, clamp_of(a.w, 0.0f, 1.0f))"),
+    "sin_cos_turns": ("turned8(A)", "turned(a.x)"),
+    "conductor_reflectance3": (
+        "rows8(conductor_reflectance38(C.w, A3, B3), zero)",
+        "make4(conductor_reflectance3(c.w, a3, b3), 0.0f)",
+    ),
+    "conductor_reflectance3, terms that cancel": (
+        "rows8(conductor_reflectance38(one - abs8(C.w), vector8(one, one + C.w, A.x), vector8(C.w, C.w, A.x)), zero)",
+        "make4(conductor_reflectance3(1.0f - abs_of(c.w), (float3)(1.0f, 1.0f + c.w, a.x), (float3)(c.w, c.w, a.x)),"
+        " 0.0f)",
+    ),
+    "ggx_density2, ggx_half_visibility2": (
+        "four8(ggx_density28(A3, pair8(B.x, B.y)), ggx_half_visibility28(A3, pair8(B.x, B.y)), zero, zero)",
+        "(float4)(ggx_density2(a3, b.xy), ggx_half_visibility2(a3, b.xy), 0.0f, 0.0f)",
+    ),
+    "ggx_visible_normal": (
+        "rows8(ggx_visible_normal8(normalize8(vector8(A.x, A.y, abs8(A.z))), pair8(B.x, B.y), pair8(C.x, C.y)), zero)",
+        "make4(ggx_visible_normal(normalize3((float3)(a.x, a.y, abs_of(a.z))), b.xy, c.xy), 0.0f)",
+    ),
+    "half_vector, reflect_about": ("halved8(A3, B3)", "halved(a3, b3)"),
     "sampler_for, sample_4d": (
         "sample_4d_of8(samplers_for(settings, N, M), L)",
         "sample_4d(sampler_for(settings, n, m), l)",
@@ -45,12 +65,39 @@ CASES = {
 KERNEL = """
 #include "base/wide.cl"
 #include "base/wide_sampler.cl"
+#include "base/ggx8.cl"
+#include "base/fresnel8.cl"
+#include "base/warp8.cl"
 #include "base/mis.cl"
 #include "base/frame.cl"
 #include "base/warp.cl"
 #include "accel/triangle.cl"
 #include "accel/spawn.cl"
 #include "accel/wide_surface.cl"
+static Rows8 turned8(const Rows8 a)
+{
+    float8 s, c;
+    sin_cos_turns8((abs8(a.x) < 1.0e6f) ? a.x : (float8)(0.0f), &s, &c);
+    return four8(s, c, a.x, a.x);
+}
+static float4 turned(const float a)
+{
+    float s, c;
+    sin_cos_turns(abs_of(a) < 1.0e6f ? a : 0.0f, &s, &c);
+    return (float4)(s, c, a, a);
+}
+static Rows8 halved8(const Vector8 a, const Vector8 b)
+{
+    float8 cosine;
+    const Vector8 h = half_vector8(a, b, &cosine);
+    return rows8(reflect_about8(a, h), cosine);
+}
+static float4 halved(const float3 a, const float3 b)
+{
+    float cosine;
+    const float3 h = half_vector(a, b, &cosine);
+    return make4(reflect_about(a, h), cosine);
+}
 kernel void probe_wide(const uint count, global const Settings *settings, global const float4 *in_a,
                        global const float4 *in_b, global const float4 *in_c, global float4 *wide, global float4 *alone)
 {
@@ -59,7 +106,7 @@ kernel void probe_wide(const uint count, global const Settings *settings, global
         return;
     }
     const uint8 index = first + (uint8)(0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u);
-    const float8 zero = (float8)(0.0f);
+    const float8 zero = (float8)(0.0f), one = (float8)(1.0f);
     const Rows8 A = rows_at(in_a, index), B = rows_at(in_b, index), C = rows_at(in_c, index);
     const Vector8 A3 = xyz8(A), B3 = xyz8(B), C3 = xyz8(C);
     const uint8 N = as_uint8(A.x), M = as_uint8(B.x) & 0xffffu, L = as_uint8(C.x) & 0xffu;

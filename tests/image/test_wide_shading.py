@@ -15,6 +15,14 @@ MATERIALS = {
     "mirror": rt.Mirror(0.9),
     "glass": rt.Dielectric(1.5),
     "gold": rt.RoughConductor("gold", roughness=0.2),
+    "tungsten": rt.RoughConductor("tungsten", roughness=0.05),
+    "copper": rt.Conductor("copper"),
+    "pane": rt.ThinDielectric(1.5),
+    "plastic": rt.Plastic((0.6, 0.2, 0.2)),
+    "coat": rt.RoughPlastic((0.2, 0.5, 0.6), roughness=0.3),
+    "frost": rt.RoughDielectric(1.5, roughness=0.3),
+    "sheen": rt.Glossy((0.3, 0.5, 0.3)),
+    "film": rt.ThinFilm(400.0, preset="aluminium"),
 }
 
 
@@ -27,7 +35,7 @@ def scene_of_meshes(masked: bool, **settings: object) -> rt.Scene:
     scene.add(rt.mesh(vertices=ground, faces=[(0, 1, 2), (0, 2, 3)]), rt.Diffuse(0.5), name="ground")
     for place, (name, material) in enumerate(MATERIALS.items()):
         shape = rt.mesh(vertices=CORNERS, faces=PYRAMID, smooth=place % 2 == 1)
-        shape = shape.translate(2.2 * place - 4.4, 0, place % 3)
+        shape = shape.translate(1.1 * place - 6.0, 0, place % 3)
         scene.add(shape, material, name=name)
     scene.add(rt.sphere((0, 0.5, 3.5), 0.5), rt.Diffuse(0.6), name="ball")
     lamp = [(-1, 5, -1), (1, 5, -1), (1, 5, 1), (-1, 5, 1)]

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from raytide.kernels.records import RECORDS
+from raytide.kernels.widen import SERVE_BOTH
 
 CL = Path(__file__).resolve().parents[2] / "cl"
 FILES = sorted(CL.rglob("*.cl"))
@@ -18,7 +19,8 @@ RANKS = (
     {"wave", "build", "probe", "bench"},
 )
 RANK = {folder: rank for rank, folders in enumerate(RANKS) for folder in folders}
-GENERATED = {"dispatch/shape.cl", "dispatch/material.cl", "dispatch/light.cl", "dispatch/texture.cl", "base/words8.cl"}
+GENERATED = {f"dispatch/{name}.cl" for name in ("shape", "material", "material8", "light", "texture")}
+GENERATED |= {name.replace(".cl", "8.cl") for name in SERVE_BOTH}
 PORTABLE = "base/portable.cl"
 VENDORS = "nvidia amd intel pocl apple cuda mali adreno qualcomm rocm clover mesa rusticl oclgrind".split()
 MOST_LINES, MOST_FUNCTION_LINES, MOST_KERNEL_LINES = 400, 60, 80

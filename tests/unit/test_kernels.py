@@ -96,9 +96,32 @@ static uint twice(const uint x)
 }
 static uint four_times(const uint x) { return twice(twice(x)); }
 """
-    wide = of_eight(text)
+    wide = of_eight(text, {})
     assert "static uint8 four_times8(const uint8 x) { return twice8(twice8(x)); }" in wide
     assert not re.search(r"\b(uint|twice|four_times)\b", wide)
+
+
+def test_functions_of_eight_vectors_call_those_of_eight() -> None:
+    text = """
+#include "base/vector.cl"
+#define HALF 0.5f
+typedef struct {
+    float3 way;
+    uint flags;
+} Bounce;
+static Bounce halved(const float3 a, const int which, float *size)
+{
+    Bounce out;
+    out.way = choose3(which, scale3(a, HALF), (float3)(0.0f, 0.0f, size[0]));
+    return out;
+}
+"""
+    wide = of_eight(text, {}, "DEVICE_CPU && HAS_IT", "base/halved.cl")
+    assert wide.split("\n")[1:4] == ['#include "base/halved.cl"', '#include "base/wide.cl"', "#if DEVICE_CPU && HAS_IT"]
+    assert "static Bounce8 halved8(const Vector8 a, const int8 which, float8 *size)" in wide
+    assert "out.way = choose8(which, scale8(a, HALF), vector8(0.0f, 0.0f, size[0]));" in wide
+    assert "    Vector8 way;\n    uint8 flags;\n} Bounce8;" in wide
+    assert "#define" not in wide  # the text of one has it
 
 
 def test_kind_numbers_are_places_in_the_folder_listing() -> None:

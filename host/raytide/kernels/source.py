@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from raytide.kernels import constants, dispatch, widen
+from raytide.kernels import constants, dispatch, dispatch_wide, widen
 from raytide.kernels.features import Features, kinds
 from raytide.kernels.paths import kernel_dir
 from raytide.kernels.records import NONE, c_text
@@ -68,7 +68,7 @@ def _paste(name: str, features: Features, files: list[str], chain: tuple[str, ..
         raise ValueError("include cycle: " + " -> ".join((*chain, name)))
     if name in files:
         return ""
-    generated = dispatch.text(name, features)
+    generated = dispatch_wide.text(features) if name == "dispatch/material8.cl" else dispatch.text(name, features)
     text = generated if generated is not None else _read(name)
     expanded = _expand(name, text, features, files, (*chain, name))
     files.append(name)
@@ -88,6 +88,6 @@ def _expand(name: str, text: str, features: Features, files: list[str], chain: t
 
 @cache
 def _read(name: str) -> str:
-    if name == widen.WORDS_OF_EIGHT:
-        return widen.of_eight(_read(widen.WORDS))
+    if widen.source_of(name):
+        return widen.derived(name, _read)
     return (kernel_dir() / name).read_text(encoding="utf-8")
