@@ -13,8 +13,9 @@ from raytide.kernels.records import RECORDS
 from raytide.render.light_pairs import is_one_pair
 from raytide.render.light_paths import check_light_paths
 from raytide.render.lights import left_to_scattering, shadows_alone
-from raytide.render.pack import PackedScene, film_area, surfaces_of
+from raytide.render.pack import PackedScene, film_area
 from raytide.render.schedule import tiles_across
+from raytide.render.surfaces import surfaces_of
 from raytide.scene.check import crop_problem
 from raytide.scene.flatten import FlatScene
 
