@@ -5,9 +5,9 @@
         [--spp 4] [--repeats 5]
 
 Prints a Markdown table of medians over renders: vertices (what camera rays and rays that scatter led to), seconds of
-device time in `shade` and `partition`, and nanoseconds a vertex of both together; first where vertices are shaded in the
-order of the queue, then ordered by the kind of their material (wave/wide_order.cl). The two take turns in one process. No
-path leaves the rooms, nothing in them is shaded alone for its features, and their balls are triangles.
+device time in `shade` and `partition`, and nanoseconds a vertex of both together; first with vertices shaded in the
+order of the queue, then by the kind of their material (wave/wide_order.cl). The two take turns in one process. No path
+leaves the rooms, nothing in them is shaded alone for its features, and their balls are triangles.
 """
 
 from __future__ import annotations
