@@ -27,7 +27,9 @@ static void order_by_kind(const Shading *s, const uint begin, const uint end, ui
     }
     uchar kinds[SHADE_RAYS];
     for (uint i = begin; i < end; i++) {
-        PREFETCH(s->hits + s->queue[i + 2u * LOOK_AHEAD < end ? i + 2u * LOOK_AHEAD : i]);
+        const uint soon = s->hits[s->queue[i + LOOK_AHEAD < end ? i + LOOK_AHEAD : i]].prim;
+        PREFETCH(s->g.triangles + (soon < s->g.triangle_count ? soon : 0u));
+        PREFETCH(s->hits + s->queue[i + 3u * LOOK_AHEAD < end ? i + 3u * LOOK_AHEAD : i]);
         const uint kind = kind_met(s, s->queue[i]);
         kinds[i - begin] = (uchar)kind;
         next[kind]++;

@@ -17,20 +17,41 @@
 #define GROUP_SLOTS 8u
 #endif
 
-// Asks for the state of the slots that come a group later, and of a last one again where there are none.
-static void prefetch_group(const Shading *s, const uint i, const uint end)
+#define MANY_TRIANGLES 4096u  // more than near caches hold
+
+// Slot of what is shaded as number `i`, or of the last one where there are not so many.
+static uint slot_ahead(const Shading *s, const uint i, const uint end)
 {
 #if SORTED
     const uint last = end - 1u;
 #else
     const uint last = s->count - 1u;
 #endif
+    return s->queue[place_of(s, i < last ? i : last)];
+}
+
+// Asks for the state of the slots that come a group later; and where triangles are many, for their corners, for the
+// triangles of those two groups later and the hits of those three groups later.
+static void prefetch_group(const Shading *s, const uint i, const uint end)
+{
+    const int many = s->g.triangle_count > MANY_TRIANGLES;
     for (uint k = i + GROUP_SLOTS; k < i + 2u * GROUP_SLOTS; k++) {
-        const uint later = s->queue[place_of(s, k < last ? k : last)];
+        const uint later = slot_ahead(s, k, end);
         PREFETCH(s->rays + later);
-        PREFETCH(s->hits + later);
         PREFETCH(s->paths + later);
         PREFETCH(s->throughput + later);
+        if (!many) {
+            PREFETCH(s->hits + later);
+            continue;
+        }
+        const uint prim = s->hits[later].prim;
+        const uint4 corners = s->g.triangles[prim < s->g.triangle_count ? prim : 0u].v;
+        PREFETCH(s->g.vertices + corners.x);
+        PREFETCH(s->g.vertices + corners.y);
+        PREFETCH(s->g.vertices + corners.z);
+        const uint next = s->hits[slot_ahead(s, k + GROUP_SLOTS, end)].prim;
+        PREFETCH(s->g.triangles + (next < s->g.triangle_count ? next : 0u));
+        PREFETCH(s->hits + slot_ahead(s, k + 2u * GROUP_SLOTS, end));
     }
 }
 
