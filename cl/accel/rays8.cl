@@ -39,6 +39,12 @@ ALWAYS_INLINE static void columns_of8(const float8 *r, Rows8 *origin, Rows8 *dir
 static int8 larger_int8(const int8 a, const int8 b) { return a > b ? a : b; }
 
 #if HAS_TRIANGLES
+static float8 slope_of8(const float8 a, const float8 b, const float8 inverse)
+{
+    const float8 slope = a * inverse;
+    return fma8(fma8(-slope, b, a), inverse, slope);
+}
+
 // shear_of, with the same names.
 ALWAYS_INLINE static void shear_rays8(Rays8 *r)
 {
@@ -46,15 +52,16 @@ ALWAYS_INLINE static void shear_rays8(Rays8 *r)
     const int8 y_main = r->axis == 1;
     const float8 d_z = x_main ? r->d[0] : (y_main ? r->d[1] : r->d[2]);
     const float8 inverse_z = x_main ? r->inverse[0] : (y_main ? r->inverse[1] : r->inverse[2]);
-    const float8 towards = -abs8(inverse_z) * FROM_DEPTH;
+    const float8 length = abs8(d_z);
+    const float8 towards = abs8(inverse_z);
     const float8 to_one = as_float8(0x7f000000 - (as_int8(r->extent) & 0x7f800000));
     const float8 scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : (float8)(SCALE_MOST);
     const float8 scale_z = as_float8(as_int8(scale * TO_DEPTH) | (as_int8(d_z) & (int8)(0x80000000)));
     r->scale = scale;
     r->scale_z = scale_z;
-    r->shear_x = (x_main ? r->d[1] : (y_main ? r->d[2] : r->d[0])) * towards;
-    r->shear_y = (x_main ? r->d[2] : (y_main ? r->d[0] : r->d[1])) * towards;
-    r->length_z = abs8(d_z) * (scale * TO_DEPTH);
+    r->shear_x = slope_of8(x_main ? r->d[1] : (y_main ? r->d[2] : r->d[0]), length, towards) * -FROM_DEPTH;
+    r->shear_y = slope_of8(x_main ? r->d[2] : (y_main ? r->d[0] : r->d[1]), length, towards) * -FROM_DEPTH;
+    r->length_z = length * (scale * TO_DEPTH);
     r->shift_x = -(x_main ? r->o[1] : (y_main ? r->o[2] : r->o[0])) * scale;
     r->shift_y = -(x_main ? r->o[2] : (y_main ? r->o[0] : r->o[1])) * scale;
     r->shift_z = -(x_main ? r->o[0] : (y_main ? r->o[1] : r->o[2])) * scale_z;

@@ -32,6 +32,14 @@ static uint4 shear_rows(const uint z)
     return (uint4)(x, x == 2u ? 0u : x + 1u, z, 0u) * ROW;
 }
 
+// The slope a / b by a reciprocal that may be some ulp off, mended by what it leaves over: a slope that is off moves the
+// ray, and with it t of a triangle that it grazes, by more than any rounding after it.
+static float slope_of(const float a, const float b, const float inverse)
+{
+    const float slope = a * inverse;
+    return fma_of(fma_of(-slope, b, a), inverse, slope);
+}
+
 // `inverse` is 1/d.
 static Shear shear_of(const TraceRay ray, const float4 inverse)
 {
@@ -44,15 +52,16 @@ static Shear shear_of(const TraceRay ray, const float4 inverse)
     const uint z = ray.axis;
     const uint x = z == 2u ? 0u : z + 1u;
     const uint y = x == 2u ? 0u : x + 1u;
-    const float towards = -abs_of(inverses[z]) * FROM_DEPTH;
+    const float length = abs_of(d[z]);
+    const float towards = abs_of(inverses[z]);
     const float to_one = scale_to_one(ray.extent);
     Shear s;
     s.rows = shear_rows(z);
     s.scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
     s.scale_z = float_of(bits_of(s.scale * TO_DEPTH) | (bits_of(d[z]) & 0x80000000u));
-    s.shear_x = d[x] * towards;
-    s.shear_y = d[y] * towards;
-    s.length_z = abs_of(d[z]) * (s.scale * TO_DEPTH);
+    s.shear_x = slope_of(d[x], length, towards) * -FROM_DEPTH;
+    s.shear_y = slope_of(d[y], length, towards) * -FROM_DEPTH;
+    s.length_z = length * (s.scale * TO_DEPTH);
     s.shift = (float3)(-o[x] * s.scale, -o[y] * s.scale, -o[z] * s.scale_z);
     return s;
 }

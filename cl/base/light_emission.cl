@@ -11,6 +11,8 @@ typedef struct {
     float3 direction;  // unit; the way the light goes
     float3 power;      // over the density of what was sampled [W]; 0: nothing
     uint prim;         // emitting primitive, or NONE
+    float3 normal;     // of a surface that shines, on the side that the light leaves
+    float error;       // of that surface: the origin lies so far off it
 } LightEmission;
 
 static LightEmission no_light_emission(void)
@@ -20,6 +22,8 @@ static LightEmission no_light_emission(void)
     out.direction = (float3)(0.0f, 0.0f, 1.0f);
     out.power = (float3)(0.0f);
     out.prim = NONE;
+    out.normal = (float3)(0.0f);
+    out.error = 0.0f;
     return out;
 }
 
@@ -30,7 +34,7 @@ static LightEmission emission_from_afar(const float3 towards, const float3 irrad
 {
     const Frame frame = frame_of(towards);
     const float2 disk = square_to_disk(u) * around.w;
-    LightEmission out;
+    LightEmission out = no_light_emission();
     out.origin = xyz(around) + (to_world(frame, (float3)(disk.x, disk.y, around.w)));
     out.direction = -towards;
     out.power = irradiance * (3.14159265f * around.w * around.w);

@@ -139,6 +139,8 @@ static LightEmission emitter_emit(global const Light *l, const Geometry g, const
     out.power = out.power * emitter_texture(l, g, p, ng, u.xy);
 #endif
     out.prim = l->prim;
+    out.normal = ng * side;
+    out.error = error;
     return out;
 }
 #endif

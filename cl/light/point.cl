@@ -22,7 +22,7 @@ static LightSample point_sample(global const Light *l, const Geometry g, const f
 #if HAS_PHOTON
 static LightEmission point_emit(global const Light *l, const Geometry g, const float4 around, const float4 u)
 {
-    LightEmission out;
+    LightEmission out = no_light_emission();
     out.origin = xyz(l->position);
     out.direction = uniform_sphere(u.zw);
     out.power = xyz(l->radiance) * 12.566370614f;

@@ -44,7 +44,7 @@ static LightEmission spot_emit(global const Light *l, const Geometry g, const fl
     const float ring = sqrt_of(max_of(down * (2.0f - down), 0.0f));
     float s, c;
     sin_cos_turns(u.w, &s, &c);
-    LightEmission out;
+    LightEmission out = no_light_emission();
     out.origin = xyz(l->position);
     out.direction = to_world(frame_of(xyz(l->direction)), (float3)(ring * c, ring * s, 1.0f - down));
     out.power = xyz(l->radiance) * (spot_falloff(1.0f - down, l->extra.z, l->extra.w) * 6.2831853f * height);

@@ -46,16 +46,18 @@
 #define SET_BLEND(edge) (0x2000000u + (edge))
 #define SET_EMIT 0x3000000u  // where light leaves a light, and which light
 #define SET_EMIT_LIGHT 0x3000001u
+#define SET_EMIT_AIM 0x3000002u  // and towards what
 
-// How likely the vertex that the camera sees was to send the path the way it went (wave/caustic.cl).
+// How likely the vertex that the camera sees was to send the path the way it went, and where lamps send their light to
+// (wave/caustic.cl).
 #if HAS_CAUSTICS
-#define DENSITIES_ARGUMENT , global float *densities
-#define DENSITIES , densities
-#define DENSITY_OF(slot) densities[slot]
+#define CAUSTICS_ARGUMENT , global float *densities, global const float4 *aims
+#define CAUSTICS , densities, aims
+#define CAUSTIC_END(slot) caustic_end(densities[slot], aims)
 #else
-#define DENSITIES_ARGUMENT
-#define DENSITIES
-#define DENSITY_OF(slot) 0.0f
+#define CAUSTICS_ARGUMENT
+#define CAUSTICS
+#define CAUSTIC_END(slot) caustic_end(0.0f, 0)
 #endif
 
 // Whether light that is traced from the lamps could have found what the path meets now.

@@ -21,7 +21,7 @@
 
 // Adds what a ray sees that met nothing.
 static void shade_miss(const Shading *s, const Ray ray, const uint slot, const uint4 path,
-                       const float4 state LEFT_NORMALS_ARGUMENT DENSITIES_ARGUMENT)
+                       const float4 state LEFT_NORMALS_ARGUMENT CAUSTICS_ARGUMENT)
 {
     const uint edge = path.y & PATH_EDGES;
     if (edge == 1u) {
@@ -29,14 +29,14 @@ static void shade_miss(const Shading *s, const Ray ray, const uint slot, const u
     }
 #if HAS_SKY
     const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
-    const float3 seen = environment_seen(s->lights, before, s->settings, s->g, ray, path.y, DENSITY_OF(slot), state);
+    const float3 seen = environment_seen(s->lights, before, s->settings, s->g, ray, path.y, CAUSTIC_END(slot), state);
     s->samples[path.x] += told(s->faults, seen, 0.0f, FAULT_SKY, edge);
 #endif
 }
 
 // Notes how likely the vertex that the camera sees was to send the path on; `eye`: where its ray began.
 static void note_density(const Shading *s, const PathVertex *v, const NextRay *onward, const float3 eye,
-                         const uint edge, const uint slot DENSITIES_ARGUMENT)
+                         const uint edge, const uint slot CAUSTICS_ARGUMENT)
 {
 #if HAS_CAUSTICS
     if (edge == 1u) {
@@ -59,7 +59,7 @@ static int is_last(global const Settings *settings, const uint edge)
 // One path vertex: adds emission that the ray met, sets up a shadow ray to a sampled light, and samples the next
 // direction (Kajiya 1986; next-event estimation with multiple importance sampling, Veach 1997 ch. 9).
 static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCATTERINGS_ARGUMENT MEDIA_ARGUMENT
-                       DENSITIES_ARGUMENT)
+                       CAUSTICS_ARGUMENT)
 {
     const uint slot = s->queue[i];
     Ray ray = s->rays[slot];
@@ -72,7 +72,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
         return;
     }
     if (hit.prim == NONE) {
-        shade_miss(s, ray, slot, path, state LEFT_NORMALS DENSITIES);
+        shade_miss(s, ray, slot, path, state LEFT_NORMALS CAUSTICS);
         return;
     }
     PathVertex vertex = vertex_of(s->g, s->objects, s->materials, s->settings, ray, hit, path, state);
@@ -84,7 +84,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     if (is_light(s->objects, &vertex) || (edge == 1u && !passed)) {  // w: anything was hit; others spare memory
         const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
         const float3 seen =
-            emission_seen(s->lights, before, s->settings, s->g, s->objects, vertex, ray, hit, path.y, DENSITY_OF(slot));
+            emission_seen(s->lights, before, s->settings, s->g, s->objects, vertex, ray, hit, path.y, CAUSTIC_END(slot));
         s->samples[path.x] += told(s->faults, seen, 1.0f, FAULT_EMISSION, edge);
     }
     if (passed || is_last(s->settings, edge) || is_black(&vertex)) {
@@ -110,7 +110,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     if (onward.valid) {
         check_ray(s->faults, xyz(onward.state), onward.ray, FAULT_ONWARD, edge, s->samples + path.x);
         note_media(&vertex, &onward, slot MEDIA);
-        note_density(s, &vertex, &onward, xyz(ray.origin), edge, slot DENSITIES);
+        note_density(s, &vertex, &onward, xyz(ray.origin), edge, slot CAUSTICS);
         go_on(&onward, slot, path, s->rays, s->throughput, s->paths SCATTERINGS);
         next |= STATUS_ALIVE;
     }
@@ -125,7 +125,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
                   global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
                   global float4 *throughput, global uint4 *paths, global uint *status, global Ray *shadow_rays,
                   global float4 *shadow_light, global float4 *samples, global uint *faults SCATTERINGS_ARGUMENT
-                  MEDIA_ARGUMENT DENSITIES_ARGUMENT)
+                  MEDIA_ARGUMENT CAUSTICS_ARGUMENT)
 {
     const uint begin = (uint)get_global_id(0) * SHADE_RAYS;
     if (begin >= count) {
@@ -143,8 +143,8 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     s.order = (const uint *)order;
 #endif
     for (uint i = begin; i < end; i += GROUP_SLOTS) {
-        for (uint rest = shade_group(&s, i, end LEFT_NORMALS DENSITIES); rest != 0u; rest &= rest - 1u) {
-            shade_slot(&s, place_of(&s, i + ctz_of(rest)) LEFT_NORMALS SCATTERINGS MEDIA DENSITIES);
+        for (uint rest = shade_group(&s, i, end LEFT_NORMALS CAUSTICS); rest != 0u; rest &= rest - 1u) {
+            shade_slot(&s, place_of(&s, i + ctz_of(rest)) LEFT_NORMALS SCATTERINGS MEDIA CAUSTICS);
         }
     }
 }

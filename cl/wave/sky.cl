@@ -9,14 +9,14 @@
 #if HAS_SUN
 // Disks at infinity in direction wi; they come first among the lights.
 static float3 suns_seen(const Lights lights, const LightPlace from, global const Settings *settings, const float3 wi,
-                        const uint path_edges, const float density, const float4 state)
+                        const uint path_edges, const CausticEnd end, const float4 state)
 {
     float3 out = (float3)(0.0f);
     for (uint i = 0u; i < settings->sun_count; i++) {
         global const Light *sun = lights.table + i;
         if (sun_holds(sun, wi)) {
             const float pdf = pick_probability(lights, i, from) * sun->extra.y;
-            const float weight = is_caustic(path_edges) ? caustic_weight(sun, density)
+            const float weight = is_caustic(path_edges) ? caustic_weight(sun, end, from.p, 1.0f, -wi)
                                                         : chance_weight(settings, path_edges, state.w, pdf);
             out += xyz(state) * xyz(sun->radiance) * weight;
         }
@@ -27,12 +27,12 @@ static float3 suns_seen(const Lights lights, const LightPlace from, global const
 
 #if HAS_SKY
 static float3 environment_seen(const Lights lights, const LightPlace from, global const Settings *settings,
-                               const Geometry g, const Ray ray, const uint path_edges, const float density,
+                               const Geometry g, const Ray ray, const uint path_edges, const CausticEnd end,
                                const float4 state)
 {
     const float3 wi = renormalize3(xyz(ray.direction));
 #if HAS_SUN
-    const float3 suns = suns_seen(lights, from, settings, wi, path_edges, density, state);
+    const float3 suns = suns_seen(lights, from, settings, wi, path_edges, end, state);
 #else
     const float3 suns = (float3)(0.0f);
 #endif

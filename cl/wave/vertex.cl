@@ -215,7 +215,7 @@ static float chance_weight(global const Settings *settings, const uint path_edge
 
 static float3 emission_seen(const Lights lights, const LightPlace from, global const Settings *settings,
                             const Geometry g, global const Object *objects, const PathVertex v, const Ray ray,
-                            const Hit hit, const uint path_edges, const float density)
+                            const Hit hit, const uint path_edges, const CausticEnd end)
 {
 #if HAS_EMITTER
     global const Object *object = objects + v.surface.object;
@@ -225,7 +225,8 @@ static float3 emission_seen(const Lights lights, const LightPlace from, global c
     const uint index = object->light + (hit.prim - object->first);
     const float3 emitted = xyz(v.state) * emitter_seen(lights.table + index, g, &v.surface, v.cos_o);
     if (is_caustic(path_edges)) {
-        return emitted * caustic_weight(lights.table + index, density);
+        return emitted * caustic_weight(lights.table + index, end, v.surface.p, v.cos_o,
+                                        -renormalize3(xyz(ray.direction)));
     }
     if (!competes(settings, path_edges)) {  // no need to ask how likely a shadow ray would have been
         return emitted * chance_weight(settings, path_edges, v.state.w, 0.0f);

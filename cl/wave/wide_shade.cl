@@ -58,7 +58,7 @@ static void prefetch_group(const Shading *s, const uint i, const uint end)
 #if WIDE_SHADING
 // note_density, one by one, for `lanes` that the camera sees.
 static void note_densities(const Shading *s, const Vertices8 *v, const BsdfSample8 bsdf, const uint lanes,
-                           const uint8 slot DENSITIES_ARGUMENT)
+                           const uint8 slot CAUSTICS_ARGUMENT)
 {
 #if HAS_CAUSTICS
     for (uint rest = lanes; rest != 0u; rest &= rest - 1u) {
@@ -73,7 +73,7 @@ static void note_densities(const Shading *s, const Vertices8 *v, const BsdfSampl
 
 // sample_onward: stores the next rays; gives the lanes that go on. Those where anything is unsound leave v->lanes.
 static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const uint8 prim, const Rows8 path,
-                      const Rows8 u DENSITIES_ARGUMENT)
+                      const Rows8 u CAUSTICS_ARGUMENT)
 {
     const uint8 edge = as_uint8(path.y) & PATH_EDGES;
     const BsdfSample8 bsdf = samples_of(s->materials, v, u);
@@ -91,7 +91,7 @@ static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const ui
     const Vector8 origin = spawn_origin8(&v->surface, wi);
     const uint sound = sound_lanes(after, origin, wi, alive);
     v->lanes &= movemask8((bsdf.pdf == bsdf.pdf) & (side == side)) & ~(alive & ~sound);
-    note_densities(s, v, bsdf, v->lanes & movemask8(edge == 1u), slot DENSITIES);
+    note_densities(s, v, bsdf, v->lanes & movemask8(edge == 1u), slot CAUSTICS);
     global float4 *rays = (global float4 *)s->rays;
     put_rows(rays, slot * 2u, rows8(origin, as_float8(prim)), v->lanes);
     put_rows(rays, slot * 2u + 1u, rows8(wi, (float8)(T_MAX_FREE)), v->lanes);
@@ -119,7 +119,7 @@ static void note_hits(const Shading *s, const uint lanes, const uint8 sample)
 
 // Shades those from number `i` on, of which those before `end` count; gives the lanes that are left to be shaded alone:
 // those that met no triangle, met a light, or are unsound.
-static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT DENSITIES_ARGUMENT)
+static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT CAUSTICS_ARGUMENT)
 {
     prefetch_group(s, i, end);
     if (end - i < LANES) {
@@ -160,7 +160,7 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     asking = direct_of(s->lights, s->g, s->materials, &v, sample_4d_of8(sampler, SET_LIGHT(edge)), slot, prim, sample,
                        s->shadow_rays, s->shadow_light LEFT_NORMALS);
 #endif
-    const uint living = onward_of(s, &v, slot, prim, path, sample_4d_of8(sampler, SET_BSDF(edge)) DENSITIES);
+    const uint living = onward_of(s, &v, slot, prim, path, sample_4d_of8(sampler, SET_BSDF(edge)) CAUSTICS);
     const uint8 bit = (uint8)(1u, 2u, 4u, 8u, 16u, 32u, 64u, 128u);
     const uint8 next = ((living & bit) != 0u ? (uint8)(STATUS_ALIVE) : (uint8)(0u)) |
                        ((asking & bit) != 0u ? (uint8)(STATUS_SHADOW) : (uint8)(0u)) | edge << STATUS_EDGES_SHIFT;
@@ -170,7 +170,7 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     return alone | unsound;
 }
 #else
-static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT DENSITIES_ARGUMENT)
+static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT CAUSTICS_ARGUMENT)
 {
     prefetch_group(s, i, end);
     return end - i < GROUP_SLOTS ? (1u << (end - i)) - 1u : (1u << GROUP_SLOTS) - 1u;

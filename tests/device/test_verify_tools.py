@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from raytide.device import Device
 from raytide.render.film import Film, FilmData
 from raytide.render.film_sums import Sums
+from raytide.verify import CASES
 from raytide.verify.against import compare, scenes
 from raytide.verify.cost import measure
 from raytide.verify.fuzz import RandomDraw, fault_of, render_fuzzed, scene_of
@@ -59,6 +60,13 @@ def test_light_beyond_float32_is_left_out_and_is_no_fault_but_what_no_dimming_me
     assert render_fuzzed(lab, RandomDraw(523)) == ""
     broken = lab.with_variant(Variant("nan", "light that is no number", with_nan))
     assert "samples left out" in render_fuzzed(broken, RandomDraw(523))
+
+
+def test_t_of_needles_seen_edge_on_does_not_hang_on_how_well_a_device_divides(device: Device) -> None:
+    bench = Lab(device, full=True).variant("worse")  # 2 of these 100,000 were 3.5 times beyond the bar
+    (trial,) = (trial for trial in CASES["T6"].trials(bench) if trial.name == "1:100")
+    assert trial.judge(trial.inputs).excess.max() <= 1
+    bench.device.close()
 
 
 def with_nan(text: str) -> str:

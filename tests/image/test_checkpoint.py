@@ -6,6 +6,7 @@ import logging
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import time
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,7 @@ import raytide as rt
 from raytide.device import Device
 from raytide.errors import UsageError
 from raytide.image import read_exr
-from raytide.render import checkpoint_file
+from raytide.render import checkpoint, checkpoint_file
 from raytide.render.checkpoint_file import Content
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,9 +45,9 @@ class Collected(rt.Checkpoints):
     def tick(self, capture: Any) -> None:
         self.write(capture)
 
-    def write(self, capture: Any) -> None:
-        super().write(capture)
-        self.all = [*getattr(self, "all", []), capture()]
+    def write(self, capture: Any, sums: bool = True) -> None:
+        super().write(capture, sums)
+        self.all = [*getattr(self, "all", []), capture(sums)]
 
 
 def same(a: rt.Film, b: rt.Film) -> bool:
@@ -59,7 +61,7 @@ def test_from_every_chunk_a_render_goes_on_to_the_same_bits(device: Device, tmp_
         for _ in renderer.passes(64, checkpoints=keeping):
             pass
         whole, rays, rows = renderer.film, renderer.rays.total, len(renderer.history.rows)
-    inside = [one for one in keeping.all if len(one.arrays["pending"])]
+    inside = [one for one in keeping.all if len(one.arrays.get("pending", ()))]
     assert len(inside) > 8 and len(keeping.all) > len(inside)
     rng = random.Random(1)
     with rt.Renderer(scene(), device) as renderer:  # large waves: the chunks that were left are others
@@ -75,9 +77,10 @@ def test_a_stopped_render_keeps_its_last_samples_and_time_counts_on(device: Devi
         whole = renderer.render(32)
         renderer.restart()
         waves = count()
-        renderer._stop.is_set = lambda: next(waves) == 150  # type: ignore[method-assign]
+        renderer._stop.is_set = lambda: next(waves) == 50  # type: ignore[method-assign]
         for _ in renderer.passes(32, checkpoints=rt.Checkpoints(tmp_path / "a.ck")):
             pass
+        assert renderer.stopped_by == "interrupt" and not renderer.frame.is_between_passes
         part, seconds = renderer.film, renderer.history.rows[-1].wall_s
         assert renderer.report()["checkpoints"]["written"] == 2
     with rt.Renderer(scene(), device) as renderer:
@@ -97,7 +100,7 @@ def test_renders_of_other_scenes_settings_and_kernels_are_refused_other_devices_
 ) -> None:
     path = tmp_path / "a.ck"
     with rt.Renderer(scene(), device, spp=4) as renderer:
-        list(renderer.passes(checkpoints=rt.Checkpoints(path)))
+        list(renderer.passes(checkpoints=rt.Checkpoints(path, every=60)))
         whole, content = renderer.film, checkpoint_file.read(path)[0]
         kernels = content.facts["kernels_sha256"]
         for facts, words in (
@@ -143,7 +146,7 @@ def test_a_disk_that_fills_up_stops_no_render_but_is_told(device: Device, tmp_pa
     with rt.Renderer(scene(), device) as renderer:
         passes = renderer.passes(4, checkpoints=keeping)
         next(passes)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_000, hard))
         try:
             list(passes)
             failed = keeping.failed
@@ -154,6 +157,61 @@ def test_a_disk_that_fills_up_stops_no_render_but_is_told(device: Device, tmp_pa
         assert renderer.stopped_by == "spp" and "cannot be written" in str(failed)
     assert checkpoint_file.read(tmp_path / "a.ck")[0].facts["spp"] == 0
     assert [p.name for p in tmp_path.iterdir()] == ["a.ck"]
+
+
+def test_a_render_too_short_for_its_sums_notes_its_end_and_begins_anew_to_the_same_bits(
+    device: Device, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.ck"
+    with rt.Renderer(scene(), device) as renderer:
+        keeping = rt.Checkpoints(path)
+        list(renderer.passes(4, checkpoints=keeping))
+        short = checkpoint_file.read(path)[0]
+        assert (short.facts["spp"], short.facts["stopped_by"], short.arrays) == (4, "spp", {})
+        assert not renderer.report()["checkpoints"]["holds_sums"] and path.stat().st_size < 20_000
+        whole = renderer.render(8)
+        with caplog.at_level(logging.WARNING, logger="raytide.render"):
+            renderer.resume(path)
+        assert "begins anew" in caplog.text and renderer.film.spp == 0
+        assert same(renderer.render(8), whole) and len(renderer.history.rows) == 4  # 1, 2, 4, 8
+
+
+def test_writes_of_sums_cost_their_share_with_the_last_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock by hand: a write of the sums takes 0.7 s, all else 1 ms; renders of any length."""
+    clock, sizes = [1000.0], []
+    monkeypatch.setattr(checkpoint, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+
+    def capture(sums: bool) -> Content:
+        clock[0] += 0.7 if sums else 0.001
+        sizes.append(sums)
+        return Content({"sums_bytes": 3e8}, {})
+
+    for seconds in (1, 30, 69, 71, 139, 141, 200, 300, 1000, 10_000):
+        keeping = rt.Checkpoints(tmp_path / f"{seconds}.ck")
+        sizes.clear()
+        begun = clock[0]
+        keeping.begin(capture)
+        while clock[0] < begun + seconds:
+            clock[0] += 0.05
+            keeping.tick(capture)
+        keeping.end(capture, finished=True)
+        assert keeping.cost_s <= 0.01 * (clock[0] - begun)
+        assert sizes[-1] == (seconds > 100)  # the guess is 1 s
+        assert sum(sizes) >= 0.8 * seconds / 100 - 2
+    keeping = rt.Checkpoints(tmp_path / "stopped.ck")
+    keeping.begin(capture)
+    keeping.end(capture, finished=False)
+    assert sizes[-1]
+
+
+def test_a_disk_without_room_is_told_before_any_work(
+    device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = type(shutil.disk_usage(tmp_path))
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: usage(10**9, 10**9 - 1000, 1000))
+    with rt.Renderer(scene(), device) as renderer, pytest.raises(UsageError, match="nothing was rendered"):
+        list(renderer.passes(4, checkpoints=rt.Checkpoints(tmp_path / "new" / "a.ck")))
+    assert not list(tmp_path.iterdir())
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen[str]:

@@ -56,7 +56,8 @@ def test_shards_add_up_to_the_bits_of_one_render(shards: tuple[rt.Film, list[Pat
     merged = rt.merge(reversed(paths))
     assert merged.spp == SPP and merged.health == whole.health
     assert bits(merged) == bits(whole)
-    assert merged.error is not None and merged.error == replace(whole.error, rough_variance=merged.error.rough_variance)
+    assert merged.error is not None and merged.error == replace(whole.error, spread=merged.error.spread)
+    assert np.array_equal(merged.variance, whole.variance)
     assert merged.header()["raytide"]["spp"] == SPP  # type: ignore[index]
 
 

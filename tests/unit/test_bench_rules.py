@@ -6,6 +6,7 @@ import base64
 import copy
 import hashlib
 import json
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -26,12 +27,13 @@ from raytide.bench.references import load_references
 from raytide.bench.roofline import add_limiters
 from raytide.bench.runner import Findings, Job, result_of, run_job
 from raytide.bench.scramble import CLOSE
-from raytide.bench.sections import parts_of
+from raytide.bench.sections import parts_of, values_plot
 from raytide.bench.show import tables
 from raytide.bench.soak import soak
 from raytide.bench.workloads import VERIFY_SIZE, WORKLOADS
 from raytide.device.renamed import other_name, renamed
 from raytide.kernels import Features, assemble
+from raytide.kernels.paths import kernel_dir
 from raytide.report.page import Quantity, table
 from raytide.report.ray_scaling import spread
 from raytide.report.ray_sets import RaySet
@@ -294,3 +296,23 @@ def test_a_child_is_told_to_rename_where_scrambled(monkeypatch: pytest.MonkeyPat
             "str(job['scramble'])}),flush=True)"  # fmt: skip
     monkeypatch.setattr(runner, "child_command", lambda module: [sys.executable, "-c", child])
     assert run_job(Job("x", "peaks", scramble=77), lambda line: None)["problems"] == ["77"]
+
+
+def test_every_fault_still_finds_its_place_in_the_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fault that changes nothing would be caught by nothing, and would say nothing."""
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "tools"))
+    import bench_faults
+
+    assert len(bench_faults.FAULTS) >= 12
+    for fault in bench_faults.FAULTS:
+        assert fault.workload in WORKLOADS and (fault.options or fault.places), fault.name
+        for file, find, put in fault.places:
+            text = (kernel_dir() / file).read_text(encoding="utf-8")
+            assert text.count(find) == 1 and find != put, f"{fault.name}: {file}"
+
+
+def test_lines_of_the_plot_of_values_end_with_each_visit() -> None:
+    timing = {"values_s": [1.0, 1.0, 1.1, 0.9], "t_offset_s": [0.0, 1.0, 50.0, 51.0], "visits": [2, 2]}
+    drawn = str(values_plot([{"id": "cornell", "timing": timing}]))
+    lines = re.findall(r'<path d="(M[^"]*)"', drawn)
+    assert any((line.count("M"), line.count("L")) == (2, 2) for line in lines) and drawn.count("<circle") == 4

@@ -219,7 +219,7 @@ def test_the_gap_between_clocks_and_missing_power_are_told() -> None:
     one = {"id": "cornell", **joined(visit([1e6] * 3), [visit([1e6] * 3), visit([0.9e6] * 3)], QUICK)}
     one["telemetry"] = {"power_w": [], "method": None}
     page, text = str(clocks_section([one])), clocks_table([one])
-    assert "does not let it be read" in page and ">0.9<" in page
+    assert "Power: not available" in page and ">0.9<" in page
     assert "10.0 %" in text and "0.900" in text and "not available" in text
 
 

@@ -12,7 +12,7 @@ from raytide.scene.settings import RenderSettings
 
 
 def estimate_of(relmse: float, slope: float = 1.0) -> ErrorEstimate:
-    return ErrorEstimate(relmse, 0.65 * relmse, 1.35 * relmse, 0.1, slope, np.zeros((1, 1, 3)))
+    return ErrorEstimate(relmse, 0.65 * relmse, 1.35 * relmse, 0.1, slope, lambda: np.zeros((1, 1, 3)))
 
 
 def history(last: int, relmse: float = 1.0, slope: float = 1.0, pace: float = 0.5, start: float = 3.0) -> History:
@@ -80,21 +80,34 @@ def test_no_render_ends_by_an_error_that_is_not_known() -> None:
     assert made.reached(Limits(MOST_SPP, error=0.9)) is None  # nobody looked at this pass
 
 
-def test_looks_at_the_error_stay_within_their_share_of_the_time() -> None:
-    made, looked = History(), 0
+@pytest.mark.parametrize("to_end", [False, True])
+def test_looks_at_the_error_stay_within_their_share_of_the_time(to_end: bool) -> None:
+    """The last one too, which a render that no look ends has at its end."""
+    made, looked, last = History(guess_s=0.03), 0, 0.0 if to_end else 0.02
     for spp in range(4, 1001):
         made.add(Row(spp * 0.01 + made.cost_s, 0.0, spp, 0))
-        if made.affordable():
+        if made.affordable(to_end):
             made.complete(estimate_of(1.0), 0.02)
             looked += 1
-    assert looked > 5 and made.cost_s - 0.02 <= ESTIMATE_SHARE * made.rows[-1].wall_s
+        if looked > to_end:  # a look that may end the render is worth it, whatever its share
+            assert made.cost_s + last <= ESTIMATE_SHARE * made.rows[-1].wall_s + 1e-12
+    assert looked > 5
 
 
 def test_nobody_looks_before_there_is_anything_to_see() -> None:
-    made = History()
-    made.add(Row(100.0, 100.0, 3, 0))
-    assert not made.affordable()
-    made.add(Row(101.0, 101.0, 4, 0))
+    for first, to_end in ((4, False), (16, True)):
+        made = History(guess_s=0.1)
+        made.add(Row(100.0, 100.0, first - 1, 0))
+        assert not made.affordable(to_end)
+        made.add(Row(101.0, 101.0, first, 0))
+        assert made.affordable(to_end)
+
+
+def test_the_first_look_waits_for_its_guess_but_not_where_it_may_end_the_render() -> None:
+    made = History(guess_s=0.1)
+    made.add(Row(6.6, 6.6, 64, 0))
+    assert not made.affordable() and made.affordable(True)
+    made.add(Row(6.7, 6.7, 65, 0))
     assert made.affordable()
 
 

@@ -12,10 +12,10 @@ from raytide.report.page import Html, paragraph, section, table
 CLOCKS = (
     "Rates are by the host's clock, around a whole picture. The gap is what the device's own clock does not see: "
     "launching, waiting, reading back. 'Others had': the share of the processor that other programs, or other guests "
-    f"of the machine's host, took meanwhile; a value with more than {DISTURBED:.0%} is left out, where enough are "
-    "left without it. Each workload is visited several times, spread over the run: where the slowest visit over the "
-    "fastest is far from 1, the machine changed its mood, and another run will differ as much. Power is read, never "
-    "guessed from a data sheet."
+    f"of the machine's host, took meanwhile; a value with more than {100 * DISTURBED:.0f} % is left out, where enough "
+    "are left without it. Each workload is visited several times, spread over the run: where the slowest visit over "
+    "the fastest is far from 1, the machine changed its mood, and another run will differ as much. Power is read, "
+    "never guessed from a data sheet."
 )
 HEAD = ("workload", "value, host's clock s", "device's clock s", "gap %", "others had, median %", "others had, most %",
         "values left out", "slowest / fastest visit", "power W", "warmest C", "clock MHz")  # fmt: skip
@@ -26,9 +26,11 @@ def clocks_section(workloads: Sequence[dict[str, Any]]) -> Html | None:
     rows = [row_of(one) for one in workloads if (one.get("timing") or {}).get("event_s")]
     if not rows:
         return None
+    told = [column for column in range(len(HEAD)) if any(row[column] is not None for row in rows)]
     methods = sorted({one["telemetry"]["method"] for one in workloads if (one.get("telemetry") or {}).get("method")})
-    power = f"Power by {', '.join(methods)}." if methods else "Power: this machine does not let it be read."
-    return section("Two clocks, and who else was there", paragraph(CLOCKS), table(HEAD, rows), paragraph(power))
+    power = f"Power by {', '.join(methods)}." if methods else "Power: not available; this machine keeps it to itself."
+    shown = table([HEAD[column] for column in told], [[row[column] for column in told] for row in rows])
+    return section("Two clocks, and who else was there", paragraph(CLOCKS), shown, paragraph(power))
 
 
 def row_of(one: dict[str, Any]) -> list[object]:

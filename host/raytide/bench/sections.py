@@ -37,11 +37,15 @@ HOW_TO_READ = (
 )
 WORKLOADS = (
     "Six scenes, each of which stresses something else. A workload is 'ok' where its picture was right before it was "
-    "timed. Medians of repeated values; +- is the median absolute deviation, 'unstable' says that the median itself "
-    "is not known to 3 %. 'Error after 1 s' is the noise left in the picture after one second of work: what counts "
-    "for someone who renders."
+    "timed. Medians of repeated values; +- is the median absolute deviation. 'unstable': the median itself is not "
+    "known to 3 %. 'drifting': the last values are off the first. 'disturbed': other programs took so much of the "
+    "processor that hardly a value was without them; measure again when the machine is idle. 'Error after 1 s' is the "
+    "noise left in the picture after one second of work: what counts for someone who renders."
 )
-VALUES = "Every raw value over its workload's median, by the time at which it began. Flat is good."
+VALUES = (
+    "Every raw value over its workload's median, by the time at which it began. Flat is good. Where all workloads of "
+    "one time are low, it was the machine."
+)
 RIGHT = (
     "First the same samples as those of a stored picture: how many pixels differ, how far, and whether as many rays "
     "were traced, tree nodes visited and surfaces met. Then new samples, with seeds that nobody knew before: means "
@@ -147,8 +151,11 @@ def values_plot(workloads: Sequence[dict[str, Any]]) -> Html:
     for one in workloads:
         if timing := one.get("timing"):
             seconds = np.array(timing["values_s"])
-            series.append(Series(one["id"], timing["t_offset_s"], list(np.median(seconds) / seconds)))
-    return curves(series, Axis("seconds since the first value"), Axis("rate over median"), width=760, height=320)
+            ends = np.cumsum(timing.get("visits") or [len(seconds)])[:-1]  # between visits there is no line
+            times, rates = (np.insert(np.array(row, float), ends, np.nan)
+                            for row in (timing["t_offset_s"], np.median(seconds) / seconds))  # fmt: skip
+            series.append(Series(one["id"], list(times), list(rates)))
+    return curves(series, Axis("seconds of the run"), Axis("rate over median"), width=760, height=320)
 
 
 def validity_table(workloads: Sequence[dict[str, Any]]) -> Html:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 EVERY_S = 60.0
 MOST_SHARE = 0.01  # of the render's time goes into checkpoints where nobody said how often
+SLOW_DISK = 300e6  # bytes/s: the guess before the first write of the sums
+Capture = Callable[[bool], Content]  # what there is now, with the picture's sums or without
 FREE_KEYS = ("spp", "time", "error", "bvh")  # settings that change no sample: ends, and the tree
 _log = logging.getLogger("raytide.render")
 
@@ -36,7 +39,9 @@ _log = logging.getLogger("raytide.render")
 class Checkpoints:
     """Keeps a render in the file `path` (see checkpoint_file.py), every so many seconds and at its end.
 
-    `every`: seconds, kept to a chunk of samples; None: 60, or as many more as keep the cost under 1 % of the time.
+    `every`: seconds, kept to a chunk of samples. None: 60, or as many more as keep the cost of all writes, the last one
+    included, under 1 % of the time; a render that is finished before a write of its sums is worth that has only its
+    end noted in the file, and going on from there begins anew, to the same bits.
     `notes`, ready for JSON, come back from `Renderer.resume`. `goes_on`: the render was resumed from this very file.
     A write that fails in the middle of a render is told and tried again; `failed` holds why while the last one failed.
     """
@@ -56,18 +61,25 @@ class Checkpoints:
         self.written, self.cost_s = 0, 0.0
         self.failed: str | None = None
         self._next = 0.0
+        self._holds_sums = goes_on  # whether the file does
+        self._sums_s = 0.0  # what a write of them costs: a guess until there was one
 
-    def begin(self, capture: Callable[[], Content]) -> None:
-        """The first generation, before any work is spent. Raises UsageError where it cannot be written, or would
-        replace a render that is not finished, or a file that is no checkpoint."""
+    def begin(self, capture: Capture) -> None:
+        """The first generation, before any work is spent: there is nothing to keep yet, but it tells whether that could
+        be. Raises UsageError where it cannot be written, or would replace a render that is not finished, or a file that
+        is no checkpoint, or where the disk has no room for the sums."""
+        self._begun = time.monotonic()
         checkpoint_file.clear_away(self.path)
+        needed = int(capture(False).facts["sums_bytes"])
+        self._sums_s = needed / SLOW_DISK
         if not self.goes_on:
             self._check_free()
-            self.write(capture)
+            self._check_room(needed)
+            self.write(capture, sums=False)
             if self.failed:
                 raise UsageError(f"{self.failed}; nothing was rendered")
         self.goes_on = True
-        self._plan(self.cost_s)
+        self._plan()
 
     def _check_free(self) -> None:
         if not self.path.exists():
@@ -81,54 +93,79 @@ class Checkpoints:
                 "on with it; remove it to begin anew"
             )
 
-    def tick(self, capture: Callable[[], Content]) -> None:
+    def _check_room(self, needed: int) -> None:
+        place = next(folder for folder in self.path.parents if folder.exists())
+        free = shutil.disk_usage(place).free
+        if free < needed:
+            raise UsageError(
+                f"{self.path}: came {free >> 20} MiB of free disk; wanted {needed >> 20} MiB or more for the sums of "
+                "this picture; nothing was rendered"
+            )
+
+    def tick(self, capture: Capture) -> None:
         """Writes, if it is time."""
         if time.monotonic() >= self._next:
             self.write(capture)
 
-    def write(self, capture: Callable[[], Content]) -> None:
-        """Writes a generation now."""
+    def end(self, capture: Capture, finished: bool) -> None:
+        """The last generation. Of a render that is `finished` it holds the sums only where a file that did is replaced,
+        where it was said how often to write, or where that costs at most its share of the time."""
+        worth = self.cost_s + self._sums_s <= MOST_SHARE * (time.monotonic() - self._begun)
+        self.write(capture, sums=worth or self._holds_sums or self.every is not None or not finished)
+
+    def write(self, capture: Capture, sums: bool = True) -> None:
+        """Writes a generation now, with or without the picture's sums."""
         begun = time.monotonic()
         try:
-            content = capture()
+            content = capture(sums)
             checkpoint_file.write(self.path, Content(content.facts | {"notes": self.notes}, content.arrays))
         except (RaytideError, OSError) as error:
             self.failed = f"checkpoint {error}"
             _log.warning("%s; the render goes on", self.failed)
         else:
-            self.failed, self.written = None, self.written + 1
+            self.failed, self.written, self._holds_sums = None, self.written + 1, sums
         cost = time.monotonic() - begun
         self.cost_s += cost
-        self._plan(cost)
+        self._sums_s = cost if sums else self._sums_s
+        self._plan()
 
     def as_dict(self) -> dict[str, Any]:
         """For the report: the file, how often it was written, and the seconds that this took."""
-        return {"file": str(self.path), "written": self.written, "cost_s": self.cost_s, "failed": self.failed}
+        return {"file": str(self.path), "written": self.written, "cost_s": self.cost_s, "failed": self.failed,
+                "holds_sums": self._holds_sums}  # fmt: skip
 
-    def _plan(self, cost: float) -> None:
-        wait = self.every if self.every is not None else max(EVERY_S, cost / MOST_SHARE)
-        self._next = time.monotonic() + wait
+    def _plan(self) -> None:
+        """When to write next: late enough that the last write, after it, is within the share too."""
+        now = time.monotonic()
+        worth = self._begun + (self.cost_s + 2 * self._sums_s) / MOST_SHARE
+        self._next = now + self.every if self.every is not None else max(now + EVERY_S, worth)
 
 
-def capture(renderer: Renderer) -> Content:
-    """All that the render builds on, and what its scene, kernels, settings and device are."""
+def capture(renderer: Renderer, sums: bool = True) -> Content:
+    """All that the render builds on, and what its scene, kernels, settings and device are. Without its `sums`, how far
+    it came: who has no more than that begins anew."""
     frame, waves = renderer.opened()
+    history = renderer.history
+    facts = {
+        **origin_of(renderer),
+        "spp": frame.spp,
+        "stopped_by": renderer.stopped_by,
+        "sums": sums,
+        "sums_bytes": frame.nbytes,
+    }
+    if not sums:
+        return Content(facts, {})
     arrays, figures = frame.capture()
-    rays, history = waves.rays, renderer.history
+    rays = waves.rays
     arrays |= {"rays": np.stack([rays.reflection, rays.shadow, rays.mixed["reflection"], rays.mixed["shadow"]])}
-    return Content(
-        {
-            **origin_of(renderer),
-            "spp": frame.spp,
-            "stopped_by": renderer.stopped_by,
-            "frame": figures,
-            "primary_rays": rays.primary,
-            "emitted_rays": rays.emitted,
-            "series": [asdict(row) for row in history.rows],
-            "error_estimates_s": history.cost_s,
-        },
-        arrays,
-    )
+    facts |= {
+        "frame": figures,
+        "primary_rays": rays.primary,
+        "emitted_rays": rays.emitted,
+        "series": [asdict(row) for row in history.rows],
+        "error_estimates_s": history.cost_s,
+    }
+    return Content(facts, arrays)
 
 
 def restore(renderer: Renderer, content: Content, path: Path) -> None:
@@ -138,6 +175,12 @@ def restore(renderer: Renderer, content: Content, path: Path) -> None:
     try:
         check_origin(facts, path, origin_of(renderer), "the scene now")
         frame, waves = renderer.opened()
+        if not facts["sums"]:
+            frame.restart()
+            waves.rays = RayCounts()
+            if spp := facts["spp"]:
+                _log.warning("%s: ended at %d spp and does not hold their sums; the render begins anew", path, spp)
+            return
         frame.restore(content.arrays, facts["frame"], renderer.plan.samples)
         reflection, shadow, mixed, mixed_shadow = content.arrays["rays"].astype(np.int64)
         both = {"reflection": mixed, "shadow": mixed_shadow}

@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,16 +48,25 @@ def write(path: Path, content: Content, kind: str = CHECKPOINT, *, no_clobber: b
     what there was stays then."""
     rows = [{"name": name, "dtype": array.dtype.str, "shape": array.shape} for name, array in content.arrays.items()]
     head = json.dumps({"facts": content.facts, "arrays": rows}).encode() + b"\n"
-    parts = [memoryview(head), *(_bytes_of(array) for array in content.arrays.values())]
-    digest = hashlib.sha256()
-    for part in parts:
-        digest.update(part)
+    parts = [memoryview(head), *map(_bytes_of, content.arrays.values())]
+    magic, unknown = magic_of(kind), b"0" * 64
     previous = old_of(path) if kind == CHECKPOINT else None
-    with replacing(path, no_clobber=no_clobber, previous=previous) as file:
-        write_all(file, magic_of(kind) + digest.hexdigest().encode() + b"\n")
+    with ThreadPoolExecutor(1) as beside, replacing(path, no_clobber=no_clobber, previous=previous) as file:
+        digest = beside.submit(_digest_of, parts)  # half of the time, or more: while the disk is at work
+        write_all(file, magic + unknown + b"\n")
         for part in parts:
             for first in range(0, len(part), PIECE):
                 write_all(file, part[first : first + PIECE])
+        os.fsync(file.fileno())
+        file.seek(len(magic))
+        write_all(file, digest.result())
+
+
+def _digest_of(parts: list[memoryview]) -> bytes:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(part)
+    return digest.hexdigest().encode()
 
 
 def _bytes_of(array: np.ndarray) -> memoryview:

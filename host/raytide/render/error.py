@@ -11,6 +11,7 @@ like 1/n). So only a quarter of its excess over 1 is believed, as measured over 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -33,7 +34,12 @@ class ErrorEstimate:
     high: float
     rmse: float
     slope: float  # a of V ~ n^-a over the samples so far
-    rough_variance: np.ndarray  # (h, w, 3) radiance^2, each pixel's own
+    spread: Callable[[], np.ndarray]  # gives rough_variance, which few ask for
+
+    @cached_property
+    def rough_variance(self) -> np.ndarray:
+        """Variance of each pixel's mean by its own samples alone: (h, w, 3), radiance^2."""
+        return self.spread()
 
     @cached_property
     def variance(self) -> np.ndarray:
@@ -81,23 +87,22 @@ def estimate(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) ->
     half_band = 1.96 * float(np.hypot(_standard_error(tiles, share), value * (EARLY_DOUBT if early else DOUBT)))
     steep = np.where(found.settled, found.seen, found.now * factor(slope + STEEPER, spp))  # if all of the slope goes on
     low = value - half_band if early else min(value - half_band, float(np.sum(share * steep)))
-    variance = now * over_pixels(tiles / np.maximum(found.now, 1e-300), mean)
+    ratios = tiles / np.maximum(found.now, 1e-300)
     return ErrorEstimate(
         relmse=value,
         low=max(0.0, low),
         high=value + half_band,
-        rmse=float(np.sqrt(np.mean(variance))),
+        rmse=float(np.sqrt(np.sum(share * found.absolute * ratios))),
         slope=slope,
-        rough_variance=variance,
+        spread=lambda: now * over_pixels(ratios, mean),
     )
 
 
 def _pooled_ratio(now: np.ndarray, before: np.ndarray) -> float:
-    """r from all pixels together. Pixels that rule the sum are cut at a high quantile, in both sums alike."""
-    a, b = now.ravel(), before.ravel()
-    keep = a + b <= np.quantile(a + b, 0.999)
-    total = float(a[keep].sum())
-    ratio = float(b[keep].sum()) / total if total > 0 else SMALLEST_RATIO
+    """r from pixels together. Pixels that rule the sum are cut at a high quantile, in both sums alike."""
+    keep = now + before <= np.quantile(now + before, 0.999)
+    total = float(now[keep].sum(dtype=np.float64))
+    ratio = float(before[keep].sum(dtype=np.float64)) / total if total > 0 else SMALLEST_RATIO
     return float(np.clip(ratio, SMALLEST_RATIO, LARGEST_RATIO))
 
 

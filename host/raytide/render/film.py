@@ -62,7 +62,7 @@ class Film:
     @cached_property
     def rgb(self) -> np.ndarray:
         """Mean radiance, linear Rec. 709: (h, w, 3) float32. Pixels without a sample are 0."""
-        return (self.data.sums.wide / np.maximum(self.samples, 1)[..., None]).astype(np.float32)
+        return self.data.sums.means
 
     @cached_property
     def alpha(self) -> np.ndarray:
@@ -72,25 +72,23 @@ class Film:
     @cached_property
     def error(self) -> ErrorEstimate | None:
         """Estimated error; None below 4 samples a pixel."""
-        now, before = self.data.differences[..., 0, :3], self.data.differences[..., 1, :3]
-        ahead = self._ahead()[..., None]
-        return estimate(self.rgb, now * ahead, before * ahead, self.spp)
+        return estimate(self.rgb, *self._differences(), self.spp)
 
     @cached_property
     def tile_errors(self) -> TileErrors | None:
         """Estimated error of every tile of 8x8 pixels with its band; None below 16 samples a pixel."""
-        ahead = self._ahead()[..., None]
-        now, before = (self.data.differences[..., row, :3] * ahead for row in (0, 1))
-        return tile_errors(self.rgb, now, before, self.spp)
+        return tile_errors(self.rgb, *self._differences(), self.spp)
 
-    def _ahead(self) -> np.ndarray:
-        """(h, w) float32: by how much less the squared differences of a pixel count because it has more than `spp`
-        samples, its last power of four being another than the picture's; 1 elsewhere. Adaptive: of all pixels."""
+    def _differences(self) -> tuple[np.ndarray, np.ndarray]:
+        """Q (h, w, 3) at the last two powers of four. Those of a pixel that has more than `spp` samples, its last power
+        of four being another than the picture's, count by as much less; adaptive: those of all pixels."""
+        now, before = self.data.differences[..., 0, :3], self.data.differences[..., 1, :3]
         if self.spp < 4 or (self.samples.max() <= self.spp and not self.adaptive):
-            return np.ones(self.samples.shape, np.float32)
+            return now, before
         at = np.float32(power_of_four(self.spp)) / self.spp
         own = self.data.differences[..., 0, 3] / np.maximum(self.samples, 1)
-        return np.where((self.samples > self.spp) | self.adaptive, own / at, 1.0).astype(np.float32)
+        ahead = np.where((self.samples > self.spp) | self.adaptive, own / at, 1.0).astype(np.float32)[..., None]
+        return now * ahead, before * ahead
 
     @property
     def variance(self) -> np.ndarray:

@@ -3,11 +3,21 @@ add up to the bits of one render."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from raytide.kernels.constants import FILM_BLOCK
+
+SLAB = 2**16  # pixels that are at work at once: they stay in the cache
+
+
+def slabs(height: int, width: int) -> Iterator[slice]:
+    """The rows of a picture, so many at once."""
+    rows = max(1, SLAB // width)
+    for first in range(0, height, rows):
+        yield slice(first, min(first + rows, height))
 
 
 @dataclass(frozen=True)
@@ -30,18 +40,52 @@ class Sums:
         """No samples of as many pixels."""
         return cls(*(np.zeros_like(array) for array in vars(other).values()))
 
+    @classmethod
+    def empty(cls, height: int, width: int) -> Sums:
+        """Room for as many pixels, to be `put`."""
+        hi, lo = np.empty((2, height, width, 3), np.float32)
+        return cls(hi, lo, np.empty((height, width), np.uint32), np.empty((height, width), np.float32))
+
+    def put(self, rows: slice, part: Sums) -> None:
+        """Takes over the sums of some rows."""
+        for own, other in zip(vars(self).values(), vars(part).values(), strict=True):
+            own[rows] = other
+
     @property
     def wide(self) -> np.ndarray:
         """The sums (h, w, 3) in float64."""
         return self.hi.astype(np.float64) + self.lo
 
+    @property
+    def means(self) -> np.ndarray:
+        """Sums over samples that count, (h, w, 3) float32; 0 where there is none."""
+        found = np.empty(self.hi.shape, np.float32)
+        for rows in slabs(*self.valid.shape):
+            count = np.maximum(self.valid[rows], 1)
+            for channel in range(3):  # columns of one channel: numpy is slow on rows of three
+                wide = self.hi[rows, :, channel].astype(np.float64)
+                wide += self.lo[rows, :, channel]
+                found[rows, :, channel] = np.divide(wide, count, out=wide)
+        return found
+
     def plus(self, other: Sums) -> Sums:
         """Both together, rounded as the kernel does (Knuth, TAOCP 4.2.2)."""
-        total = self.hi + other.hi
-        part = total - self.hi
-        low = (self.lo + other.lo) + ((self.hi - (total - part)) + (other.hi - part))
-        hi = total + low
-        return Sums(hi, low - (hi - total), self.valid + other.valid, self.hits + other.hits)
+        hi, lo = np.empty_like(self.hi), np.empty_like(self.lo)
+        for rows in slabs(*self.valid.shape):
+            for channel in range(3):
+                at = (rows, slice(None), channel)
+                hi[at], lo[at] = _two_float_sum(self.hi[at], self.lo[at], other.hi[at], other.lo[at])
+        return Sums(hi, lo, self.valid + other.valid, self.hits + other.hits)
+
+
+def _two_float_sum(
+    hi: np.ndarray, lo: np.ndarray, other_hi: np.ndarray, other_lo: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    total = hi + other_hi
+    part = total - hi
+    low = (lo + other_lo) + ((hi - (total - part)) + (other_hi - part))
+    whole = total + low
+    return whole, low - (whole - total)
 
 
 class Differences:

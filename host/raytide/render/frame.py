@@ -16,7 +16,7 @@ from raytide.kernels.constants import EDGE_BINS, FAULT_COUNTERS, FAULTS, HEALTH,
 from raytide.render import schedule
 from raytide.render.adaptive import Allocation
 from raytide.render.film import FilmData
-from raytide.render.film_sums import Sums
+from raytide.render.film_sums import Sums, slabs
 from raytide.render.light_paths import LightPaths
 from raytide.render.schedule import Chunk
 from raytide.render.waves import Groups, RayCounts, Waves
@@ -278,12 +278,19 @@ class Frame:
         return self._rows(self._differences, ROWS), self._rows(self._sums[4], 1)[..., 0, :]
 
     def _sums_so_far(self) -> Sums:
-        hi, lo, block_hi, block_lo = (self._rows(buffer, 1)[..., 0, :] for buffer in self._sums[:4])
-        return Sums.of_buffers(hi, lo).plus(Sums.of_buffers(block_hi, block_lo))
+        width, height = self.size
+        whole = Sums.empty(height, width)
+        for span in slabs(height, width):
+            hi, lo, block_hi, block_lo = (self._rows(buffer, 1, span)[..., 0, :] for buffer in self._sums[:4])
+            whole.put(span, Sums.of_buffers(hi, lo).plus(Sums.of_buffers(block_hi, block_lo)))
+        return whole
 
-    def _rows(self, buffer: Buffer, count: int) -> np.ndarray:
-        rows = self.device.read(buffer, np.float32, self.pixels * 4 * count)
-        return rows.reshape(self.size[1], self.size[0], count, 4)
+    def _rows(self, buffer: Buffer, count: int, span: slice | None = None) -> np.ndarray:
+        width, height = self.size
+        span = span or slice(0, height)
+        floats = width * 4 * count
+        rows = self.device.read(buffer, np.float32, floats * (span.stop - span.start), 4 * floats * span.start)
+        return rows.reshape(-1, width, count, 4)
 
 
 def _stopped_or_past(end: float, stopped: Callable[[], bool]) -> Callable[[], bool]:

@@ -16,8 +16,9 @@ from raytide.device import Buffer, Device
 from raytide.errors import Problem, SceneError
 from raytide.kernels.constants import SPLAT_WORDS, TILE
 from raytide.render.emission import emitted_power, sphere_around
-from raytide.render.pack import PackedScene, film_area, surfaces_of
+from raytide.render.pack import PackedScene, film_area
 from raytide.render.schedule import Chunk
+from raytide.render.surfaces import is_specular
 from raytide.render.textures import has_relief
 from raytide.render.waves import Waves
 from raytide.scene.flatten import FlatScene, FlatShape
@@ -61,7 +62,7 @@ def check_light_paths(flat: FlatScene) -> None:
 def _is_met(flat: FlatScene, shape: FlatShape, alone: bool) -> bool:
     """Whether light is to be sent straight to a shape: with `caustics` only to what is specular."""
     material = flat.objects[shape.object].material
-    return alone or any(flat.materials[i].is_specular for i in surfaces_of(flat, material))
+    return alone or is_specular(flat, material)
 
 
 def unit_exponent(flat: FlatScene, packed: PackedScene, table: np.ndarray, power: np.ndarray, radius: float) -> int:
@@ -85,11 +86,12 @@ class LightPaths:
         self._max_depth = flat.render.max_depth
         around = sphere_around(packed.geometry)
         self._around = device.upload(around.record())
-        lights = packed.lights if packed.sending is None else packed.sending
-        self._lights = waves.scene.lights[0] if packed.sending is None else device.upload(packed.sending)
-        # The kind of the rays that leave lights: what a path from the camera would have sent there.
-        self._met_by = "shadow" if packed.sending is None else "indirect"
-        power = emitted_power(flat, lights, around.radius)
+        lights, power = packed.lights, emitted_power(flat, packed.lights, around.radius)
+        self._lights = waves.scene.lights[0]
+        self._met_by = "shadow"  # the kind of rays that leave lights: what a path from the camera would send there
+        if packed.sending is not None:
+            lights, power, self._met_by = packed.sending.lights, packed.sending.power, "indirect"
+            self._lights = device.upload(lights)
         self.unit = 2.0 ** unit_exponent(flat, packed, lights, power, around.radius)
         self._scale = 1.0 / (self.unit * width * height)
         self.splats = device.empty(width * height * SPLAT_BYTES)
@@ -125,7 +127,7 @@ class LightPaths:
             waves.programs["emit"], "emit", count, 64,
             *scene.geometry("indirect"), self._lights, *scene.textures, waves.settings, self._around,
             waves.queues[0], *(np.uint32(x) for x in numbers),
-            waves.path_rays, waves.throughput, waves.paths, *waves.scatterings,
+            waves.path_rays, waves.throughput, waves.paths, *waves.scatterings, *scene.aims,
             label="emit",
         )  # fmt: skip
         waves.extend(place, count, "emitted", self._met_by)

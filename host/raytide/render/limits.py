@@ -13,6 +13,7 @@ MOST_SPP = 2**24  # what the sampler's numbers hold, and the scene's schema allo
 LEAST_SPP = 4  # below, no error is known
 SURE_SPP = 16  # below, the estimate may be a fifth or five times of the truth (docs/error.md): no render ends by it
 ESTIMATE_SHARE = 0.03  # of the render's time may go into looking at its error
+LOOK_S = 1e-7  # a pixel: what a look costs, a guess before the first one
 RATE_DOUBT = 0.05  # relative: how far the pace of coming passes may be from that of the last ones
 
 
@@ -78,12 +79,18 @@ class History:
     error_row: Row | None = None  # the row that `error` belongs to
     cost_s: float = 0.0  # of all estimates
     last_cost_s: float = 0.0
+    guess_s: float = 0.0  # of the first look
 
-    def affordable(self) -> bool:
-        """Whether one more look keeps the cost of all within its share of the time so far, and can tell anything."""
-        if self.rows[-1].spp < LEAST_SPP:
+    def affordable(self, to_end: bool = False) -> bool:
+        """Whether a look can tell anything, and one now and one at the end keep the cost of all within their share
+        of the time so far. Where a look is what may end the render (`to_end`), there is none after it, and the first
+        one comes as soon as it may."""
+        row, each = self.rows[-1], self.last_cost_s or self.guess_s
+        if row.spp < (SURE_SPP if to_end else LEAST_SPP):
             return False
-        return self.cost_s + self.last_cost_s <= ESTIMATE_SHARE * self.rows[-1].wall_s
+        if to_end and not self.last_cost_s:
+            return True
+        return self.cost_s + (1 if to_end else 2) * each <= ESTIMATE_SHARE * row.wall_s
 
     def add(self, row: Row) -> None:
         """One pass more."""

@@ -9,7 +9,7 @@ from threading import Event
 
 from raytide.render.film import Film
 from raytide.render.frame import Frame
-from raytide.render.limits import History, Limits, Row
+from raytide.render.limits import LOOK_S, History, Limits, Row
 from raytide.render.waves import Waves
 
 
@@ -59,6 +59,7 @@ class Loop:
         """Passes up to the first of `limits`; the error is looked at where it is one of them, or to `watch` it. `keep`
         is called where the render could go on from later, told whether this was the last time."""
         self.limits = limits
+        self.history.guess_s = frame.pixels * LOOK_S
         look = watch or limits.error is not None
         self.stopped_by = self._ended_before(film_now)
         if self.stopped_by:
@@ -93,14 +94,18 @@ class Loop:
 
     def _look(self, frame: Frame, film_now: Callable[[], Film]) -> Film | None:
         """The film, if its error was looked at: at the end of a render, and before it as far as the cost allows."""
-        history, film = self.history, None
+        history = self.history
+        if not self.stopped_by and not history.affordable(self.limits.error is not None):
+            return None
+        begun = time.perf_counter()
+        film = film_now()
         if self.stopped_by:
-            film = film_now()
-            history.complete(film.error)  # known at the end of every render; only looks before it are a cost
-        elif history.affordable():
+            _ = film.rgb  # the picture is read anyway, and no cost of the look
             begun = time.perf_counter()
-            film = film_now()
-            history.complete(film.error, cost := time.perf_counter() - begun)
+        error = film.error
+        cost = time.perf_counter() - begun
+        history.complete(error, cost)
+        if not self.stopped_by:
             frame.seconds += cost
             self.stopped_by = history.reached(self.limits)
         return film

@@ -14,24 +14,52 @@ from collections.abc import Iterator
 import numpy as np
 
 SINGLE, DOUBLE = 6.0, 36.0  # sums of the squared weights 1, -2, 1, and of their product with themselves
+CHANNELS = 3
 
 
-def seen_variances(mean: np.ndarray, weight: np.ndarray) -> Iterator[np.ndarray]:
-    """Squares with the expectation of a pixel's variance or more, by `weight`, means over the channels: (h, w) float64,
-    for each kind of second difference that fits into `mean` and `weight` (h, w, 3). Pixels at the border have their
-    neighbour's."""
-    values = mean.astype(np.float64)
-    down, across = (side >= 3 for side in mean.shape[:2])
-    if across:
-        yield weighted(np.diff(values, 2, axis=1), weight[:, 1:-1], SINGLE, (0, 1))
-    if down:
-        values = np.diff(values, 2, axis=0)
-        yield weighted(values, weight[1:-1], SINGLE, (1, 0))
-    if across and down:
-        yield weighted(np.diff(values, 2, axis=1), weight[1:-1, 1:-1], DOUBLE, (1, 1))
+def seen_sums(values: np.ndarray, weight: np.ndarray, above: int, below: int) -> Iterator[np.ndarray]:
+    """Sums over rows of squares with the expectation of a value's variance or more, by `weight`: (3 w,) each, for each
+    kind of second difference that fits.
+
+    `values`, `weight`: rows of a picture, (rows, 3 w), channels side by side. The sums are over all rows but `above`
+    (0 or 1) at the top and `below` at the bottom, which are there for their neighbours. Values at the picture's border
+    have their neighbour's square.
+    """
+    tall, wide = values.shape[0] >= 3, values.shape[1] >= 3 * CHANNELS
+    own = slice(above, values.shape[0] - below)
+    if wide:
+        yield _widened(_square_sums(_across(values[own]), weight[own, CHANNELS:-CHANNELS]) / SINGLE)
+    if tall:
+        down = _bent(values[:-2], values[1:-1], values[2:])
+        ends = (above == 0, below == 0)
+        yield _square_sums(down, weight[1:-1], *ends) / SINGLE
+        if wide:
+            yield _widened(_square_sums(_across(down), weight[1:-1, CHANNELS:-CHANNELS], *ends) / DOUBLE)
 
 
-def weighted(differences: np.ndarray, weight: np.ndarray, squares: float, border: tuple[int, int]) -> np.ndarray:
-    """The weighted square over the sum of the squared factors, its border repeated by so many rows and columns."""
-    inner = np.einsum("ijk,ijk,ijk->ij", differences, differences, weight) / (squares * differences.shape[2])
-    return np.pad(inner, [(side, side) for side in border], mode="edge")
+def _bent(before: np.ndarray, middle: np.ndarray, after: np.ndarray) -> np.ndarray:
+    found = before + after
+    found -= middle
+    found -= middle
+    return found
+
+
+def _across(values: np.ndarray) -> np.ndarray:
+    return _bent(values[:, : -2 * CHANNELS], values[:, CHANNELS:-CHANNELS], values[:, 2 * CHANNELS :])
+
+
+def _square_sums(differences: np.ndarray, weight: np.ndarray, first: bool = False, last: bool = False) -> np.ndarray:
+    """Weighted squares summed over rows, the first and the last row twice where they stand for the picture's border."""
+    squares = differences * differences
+    squares *= weight
+    sums: np.ndarray = squares.sum(axis=0)
+    if first:
+        sums += squares[0]
+    if last:
+        sums += squares[-1]
+    return sums
+
+
+def _widened(sums: np.ndarray) -> np.ndarray:
+    """With those of the picture's first and last column, which are their neighbours'."""
+    return np.concatenate((sums[:CHANNELS], sums, sums[-CHANNELS:]))

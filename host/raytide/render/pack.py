@@ -24,17 +24,17 @@ from raytide.kernels.constants import (
 )
 from raytide.kernels.features import WHOLE_SKIES, Features, kind_number, kinds
 from raytide.kernels.records import NONE, RECORDS
-from raytide.render.emission import caustic_lights, sphere_around
+from raytide.render.emission import Sending, sending_of
 from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_meshes
 from raytide.render.lights import choice_of, left_to_scattering, pack_lights
 from raytide.render.measured import place_tables
 from raytide.render.nested import media_at, rank_bodies
+from raytide.render.surfaces import has_specular, surface_of, surfaces_of
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
-from raytide.scene.layered import layers_of
 from raytide.scene.material_parts import Body
-from raytide.scene.materials import Blend, Emissive
+from raytide.scene.materials import Blend
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class PackedScene:
     meshes: list[PackedMesh]
     media: np.ndarray  # (4,) uint32: clear bodies around the camera, where bodies may overlap
     first_medium: int  # the one of them that counts
-    sending: np.ndarray | None  # `lights` as they send out light for caustics
+    sending: Sending | None  # of light for caustics
 
     @property
     def nbytes(self) -> int:
@@ -126,28 +126,9 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     )
 
 
-def has_specular(flat: FlatScene) -> bool:
-    """Whether a surface may scatter light into single directions."""
-    return any(flat.materials[i].is_specular for thing in flat.objects for i in surfaces_of(flat, thing.material))
-
-
 def film_area(camera: np.ndarray) -> float:
     """Area that a pixel of the record `camera` covers at distance 1 [m^2]; where there is no perspective, at any."""
     return float(abs(camera["raster"][0][2] * camera["raster"][0][3]))
-
-
-def surface_of(flat: FlatScene, material: int) -> int:
-    """The index of the material that a surface of material `material` scatters by: the base of one that shines."""
-    model = flat.materials[material]
-    base = model.base if isinstance(model, Emissive) else None
-    return material if base is None else flat.material_names.index(base)
-
-
-def surfaces_of(flat: FlatScene, material: int) -> set[int]:
-    """The indices of all materials that a surface of material `material` may scatter by."""
-    models = dict(zip(flat.material_names, flat.materials, strict=True))
-    names = layers_of(models, flat.material_names[surface_of(flat, material)])
-    return {flat.material_names.index(name) for name in names}
 
 
 def pack(flat: FlatScene, features: Features) -> PackedScene:
@@ -167,8 +148,7 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
         media, first_medium = media_at(flat, materials, origin)
     textures = pack_textures(flat, features, materials)
     lights = pack_lights(flat, geometry, objects, origin, planes_first, textures, choice_of(flat))
-    radius = sphere_around(geometry).radius
-    sending = caustic_lights(flat, lights.table, objects, radius) if features.caustics else None
+    sending = sending_of(flat, lights.table, objects, geometry) if features.caustics else None
     return PackedScene(
         geometry=geometry,
         normals=_normals(flat, features),

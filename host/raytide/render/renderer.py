@@ -238,10 +238,14 @@ class Renderer:
         now = lambda: self.film  # noqa: E731
         if checkpoints is None:
             return self._loop.run(*self.opened(), now, limits, watch)
-        checkpoints.begin(lambda: capture(self))
+        capture_now = lambda sums: capture(self, sums)  # noqa: E731
+        checkpoints.begin(capture_now)
 
         def keep(last: bool) -> None:
-            (checkpoints.write if last else checkpoints.tick)(lambda: capture(self))
+            if last:
+                checkpoints.end(capture_now, self.stopped_by != "interrupt")
+            else:
+                checkpoints.tick(capture_now)
 
         self.checkpoints = checkpoints
         return self._loop.run(*self.opened(), now, limits, watch, keep)

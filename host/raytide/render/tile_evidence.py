@@ -20,9 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.render.neighbours import seen_variances
+from raytide.render.neighbours import CHANNELS, seen_sums
 
 TILE = 8  # pixels
+MOST_LISTED = 2**17  # pixels whose own figures are kept
+DARKEST = 1e-15  # of the mean radiance: below, float32 has no weights
 SPREAD = 3.0  # variance of log(flat bound / truth) times the pixels that rule a tile
 FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 
@@ -30,16 +32,17 @@ FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 @dataclass(frozen=True)
 class Evidence:
     """Means over tiles of TILE x TILE pixels, (rows, columns) float64 each, smaller ones ending rows and columns, and
-    relative as relMSE is: squares over radiance^2 + e^2.
+    but for `absolute` relative as relMSE is: squares over radiance^2 + e^2.
 
-    `now`, `before`: Q at the last two powers of four. `flat`: upper bound of relMSE from `now`, for a slope of 1.
-    `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to `pixels`. `by_pixel`: Q of each
-    pixel at the same two, (h, w).
+    `now`, `before`: Q at the last two powers of four; `absolute`: `now` in radiance^2. `flat`: upper bound of relMSE
+    from `now`, for a slope of 1. `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to
+    `pixels`. `by_pixel`: Q at the same two of single pixels, (n,), evenly picked where there are many.
     """
 
     by_pixel: tuple[np.ndarray, np.ndarray]
     now: np.ndarray
     before: np.ndarray
+    absolute: np.ndarray
     flat: np.ndarray
     seen: np.ndarray
     rulers: np.ndarray
@@ -53,23 +56,64 @@ class Evidence:
 
 def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> Evidence:
     """What `mean` (h, w, 3) after `spp` samples a pixel tells; `now`, `before`: Q (h, w, 3) at the largest power of
-    four up to `spp` and at the one before."""
-    weight = 1.0 / (mean.astype(np.float64) ** 2 + max(FLOOR * float(np.mean(mean)), 1e-30) ** 2)
-    q, earlier = (np.einsum("ijk,ijk->ij", one, weight) / one.shape[2] for one in (now, before))
-    pixels = tile_sums(np.ones_like(q))
-    total = tile_sums(q)
-    seen = np.full_like(pixels, np.inf)
-    for squares in seen_variances(mean, weight):
-        seen = np.minimum(seen, tile_sums(squares) / pixels)
+    four up to `spp` and at the one before.
+
+    One row of tiles after the other, in float32 and relative to the picture's mean: what is at work stays in the cache.
+    """
+    average = float(np.mean(mean))
+    scale = average if average > 1e-30 else 1.0
+    darkest = np.float32(max(FLOOR * average / scale, DARKEST) ** 2)
+    pixels = tile_sums(np.ones(mean.shape[:2]))
+    total, earlier, squares, absolute, seen = np.empty((5, *pixels.shape))
+    listed: list[np.ndarray] = []
+    every = max(1, int(pixels.sum()) // MOST_LISTED)
+    for row in range(len(pixels)):
+        span = slice(row * TILE, (row + 1) * TILE)
+        values, above, below = _with_neighbours(mean, span, scale)
+        weight = values * values
+        weight += darkest
+        np.divide(np.float32(1.0), weight, out=weight)
+        own = weight[above : len(weight) - below]
+        q, q_before = _weighted(now[span], own), _weighted(before[span], own)
+        total[row], earlier[row], squares[row] = (_along(one.sum(axis=0), 1) for one in (q, q_before, q * q))
+        absolute[row] = sum(_along(now[span, :, channel].sum(axis=0), 1) for channel in range(CHANNELS))
+        seen[row] = np.inf
+        for sums in seen_sums(values, weight, above, below):
+            seen[row] = np.minimum(seen[row], _along(sums, CHANNELS))
+        listed.append(np.stack((q.ravel()[row % every :: every], q_before.ravel()[row % every :: every])))
+    by_pixel = np.concatenate(listed, axis=1)
+    relative = CHANNELS * scale**2 * pixels  # Q are not relative to the mean yet
     return Evidence(
-        by_pixel=(q, earlier),
-        now=total / pixels,
-        before=tile_sums(earlier) / pixels,
-        flat=total / pixels * factor(1.0, spp),
-        seen=seen,
-        rulers=np.maximum(total**2 / np.maximum(tile_sums(q**2), 1e-300), 1.0),
+        by_pixel=(by_pixel[0], by_pixel[1]),
+        now=total / relative,
+        before=earlier / relative,
+        absolute=absolute / (CHANNELS * pixels),
+        flat=total / relative * factor(1.0, spp),
+        seen=seen / (CHANNELS * pixels),
+        rulers=np.maximum(total**2 / np.maximum(squares, 1e-300), 1.0),
         pixels=pixels,
     )
+
+
+def _with_neighbours(mean: np.ndarray, span: slice, scale: float) -> tuple[np.ndarray, int, int]:
+    """Rows of `mean` over `scale` as (rows, 3 w) float32, with one more above and below where there is one; how many
+    those are."""
+    above, below = int(span.start > 0), int(span.stop < len(mean))
+    rows = mean[span.start - above : min(span.stop, len(mean)) + below]
+    return (rows.reshape(len(rows), -1) * (1.0 / scale)).astype(np.float32, copy=False), above, below
+
+
+def _weighted(squares: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Sums over channels of `squares` (rows, w, 3) by `weight` (rows, 3 w): (rows, w) float32."""
+    found = squares[..., 0] * weight[:, 0::CHANNELS]
+    for channel in range(1, CHANNELS):
+        found += squares[..., channel] * weight[:, channel::CHANNELS]
+    return found.astype(np.float32, copy=False)
+
+
+def _along(row: np.ndarray, values: int) -> np.ndarray:
+    """Sums over a row of tiles of a row of pixels, of so many `values` each."""
+    return np.add.reduceat(row.astype(np.float64), np.arange(0, len(row), TILE * values))
 
 
 def factor(slope: np.ndarray | float, spp: int) -> np.ndarray:

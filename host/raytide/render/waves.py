@@ -85,7 +85,8 @@ class SceneBuffers:
         """`meshes` are records Mesh; `lists`: whether any variant of the traversal takes the triangles as a list."""
         flat = packed.geometry
         self._visibility, self.opacity = features.visibility, features.opacity
-        self.nested, self.caustics = features.nested, features.caustics
+        self.nested = features.nested
+        self.aims = () if packed.sending is None else (device.upload(packed.sending.aims),)
         self._geometry: tuple[Buffer | np.uint32, ...] = (
             *forest.buffers(device),
             device.upload(packed.triangles),
@@ -166,7 +167,7 @@ class Waves:
         self.hits = device.empty(slots * RECORDS["Hit"].size)
         self.scatterings = (device.empty(slots * 16),) if scene.opacity else ()
         self._media = (device.empty(slots * 16),) if scene.nested else ()
-        self._densities = (device.empty(slots * 4),) if scene.caustics else ()
+        self._densities = (device.empty(slots * 4),) if scene.aims else ()
         self.throughput, self.paths = device.empty(slots * 16), device.empty(slots * 16)
         self.shadow_light, self.status = device.empty(slots * 16), device.empty(slots * 4)
         self.queues = [device.upload(np.arange(slots, dtype=np.uint32)), device.empty(slots * 4)]
@@ -270,7 +271,7 @@ class Waves:
             self.queues[0], np.uint32(count),
             self.path_rays, self.hits, self.throughput, self.paths, self.status,
             self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings, *self._media,
-            *self._densities, label="shade",
+            *self._densities, *scene.aims, label="shade",
         )  # fmt: skip
         return self.follow(count, label, "shadow", self.samples)
 

@@ -113,6 +113,9 @@ class Quantity:
     value: float | None
 
 
+LONG = 24  # letters of a cell from which on its words may stand in several lines
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "", digits: int = 3) -> Html:
     """A table that a click on a heading sorts. Numbers are shown with `digits` and sorted by their full value."""
 
@@ -122,7 +125,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]], caption: str = 
             return element("td", value.text, class_="number", data_value=full)
         numeric = isinstance(value, int | float) and not isinstance(value, bool)
         shown = value if isinstance(value, Html) else number(value, digits)
-        return element("td", shown, class_="number" if numeric else None, data_value=repr(value) if numeric else None)
+        kind = "number" if numeric else "words" if isinstance(value, str) and len(value) > LONG else None
+        return element("td", shown, class_=kind, data_value=repr(value) if numeric else None)
 
     lines = [element("tr", *(cell(value) for value in row)) for row in rows]
     above = element("caption", caption) if caption else None
