@@ -135,7 +135,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
     const uint end = count - begin < SHADE_RAYS ? count : begin + SHADE_RAYS;
     Shading s = {g, objects, materials, lights, settings, queue, count, rays, hits, throughput, paths, status,
-                       shadow_rays, shadow_light, samples, faults};
+                 shadow_rays, shadow_light, samples, faults};
 #if SORTED
     uint8 order[SHADE_RAYS / LANES];
     order_by_kind(&s, begin, end, (uint *)order);
