@@ -9,7 +9,7 @@ import pytest
 
 from raytide.kernels.features import Features, kind_number
 from raytide.kernels.records import RECORDS
-from raytide.render.light_pairs import pair_lights, parallelograms
+from raytide.render.light_pairs import parallelograms, write_pairs
 from shading_programs import F4, LOCAL, numbers, program, rows4
 
 _PAIR = """
@@ -34,7 +34,7 @@ def points(device: Any, triangles: np.ndarray, picked: int, u: np.ndarray) -> tu
     """Lights (n,) and points (n, 3) for numbers u (n, 2), where the light `picked` was."""
     lights = np.zeros(2, RECORDS["Light"].dtype)
     lights["kind"] = kind_number("light", "emitter")
-    pair_lights(lights, 0, parallelograms(triangles.astype(float)))
+    write_pairs(lights, 0, parallelograms(triangles.astype(float)))
     built = program(device, "probe_pair", _PAIR, Features(lights=("emitter",)))
     out = device.empty(16 * len(u))
     arguments = [np.uint32(len(u)), device.upload(lights), np.uint32(picked), device.upload(rows4(u, len(u))), out]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 
 MOST_TRIANGLES = 64  # of an object: its strata on one of many triangles are few in any case
@@ -42,8 +43,16 @@ def _far_corners(a: np.ndarray, b: np.ndarray) -> tuple[int, int] | None:
     return None
 
 
-def pair_lights(lights: np.ndarray, first: int, pairs: list[tuple[int, int, int, int]]) -> None:
-    """Writes pairs of the records Light from `first` on into their words, which other emitters have zero."""
+def pair_lights(lights: np.ndarray, geometry: FlatGeometry, lamps: list[tuple[int, np.ndarray]]) -> None:
+    """Writes the pairs of every lamp into the words of records Light, which other emitters have zero. `lamps`: the first
+    record of each, and its triangles."""
+    for first, prims in lamps:
+        corners = geometry.vertices[geometry.triangles[prims, :3], :3].astype(float)
+        write_pairs(lights, first, parallelograms(corners))
+
+
+def write_pairs(lights: np.ndarray, first: int, pairs: list[tuple[int, int, int, int]]) -> None:
+    """Writes pairs of the records Light from `first` on."""
     for one, other, far, far_other in pairs:
         words = np.array([first + one + 1, first + other, far + 4 * far_other], np.uint32)
         lights["position"][[first + one, first + other], :3] = words.view(np.float32)

@@ -14,7 +14,7 @@ import numpy as np
 from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
-from raytide.render.light_pairs import pair_lights, parallelograms, shared_by_pairs
+from raytide.render.light_pairs import pair_lights, shared_by_pairs
 from raytide.render.light_tree import FEW, LEAF, TWO_SIDED, build_light_tree, has_place, light_bounds
 from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
@@ -101,8 +101,7 @@ def pack_lights(
         prims, areas, centers, normals = _primitives(flat, geometry, index, planes_first)
         rows = _emitters(prims, areas, normals, radiance)
         rows["extra"][:, 2] = "indirect" not in thing.visible_to
-        if thing.shape < 0:
-            pairs.append((count, parallelograms(geometry.vertices[geometry.triangles[prims, :3], :3].astype(float))))
+        pairs.append((count, prims if thing.shape < 0 else prims[:0]))
         objects[index]["light"] = count
         mean = _texture(rows, material, thing.material, textures)
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
@@ -118,8 +117,7 @@ def pack_lights(
         return PackedLights(lights, environment, _light_tree(lights, geometry, weight, shine, picked))
     if choice == "uniform":
         weight, group = np.ones(count), np.arange(count)
-    for first, found in pairs:
-        pair_lights(lights, first, found)
+    pair_lights(lights, geometry, pairs)
     if count:
         alias_table(lights, weight, group)
     return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
