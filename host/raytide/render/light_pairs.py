@@ -44,8 +44,8 @@ def _far_corners(a: np.ndarray, b: np.ndarray) -> tuple[int, int] | None:
 
 
 def pair_lights(lights: np.ndarray, geometry: FlatGeometry, lamps: list[tuple[int, np.ndarray]]) -> None:
-    """Writes the pairs of every lamp into the words of records Light, which other emitters have zero. `lamps`: the first
-    record of each, and its triangles."""
+    """Writes the pairs of every lamp into the words of records Light, which other emitters have zero. `lamps`: first
+    record and triangles of each."""
     for first, prims in lamps:
         corners = geometry.vertices[geometry.triangles[prims, :3], :3].astype(float)
         write_pairs(lights, first, parallelograms(corners))
