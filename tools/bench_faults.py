@@ -63,7 +63,7 @@ FAULTS = (
     Fault("lamps of the table picked as if all were alike", "materials", "light/pick.cl",
           "*probability = lights.table[picked].position.w;", "*probability = 1.0f / (float)lights.count;",
           wide=("wave/wide_light.cl",
-                "*probability = rows_at((global const float4 *)&lights.table->position, picked * LIGHT_ROWS).w;",
+                "*probability = words.w;",
                 "*probability = (float8)(1.0f / (float)lights.count);")),
     Fault("sun one per cent too strong", "terrain", "light/directional.cl", "out.radiance = xyz(l->radiance);",
           "out.radiance = xyz(l->radiance) * 1.01f;"),
