@@ -5,8 +5,9 @@
         [--spp 4] [--repeats 5]
 
 Prints a Markdown table of medians over renders: vertices (what camera rays and rays that scatter led to), seconds of
-device time in `shade` and `partition`, and nanoseconds a vertex of both together. No path leaves the rooms, nothing in
-them is shaded alone for its features, and their balls are triangles.
+device time in `shade` and `partition`, and nanoseconds a vertex of both together; first with vertices shaded in the
+order of the queue, then by the kind of their material (wave/wide_order.cl). The two take turns in one process. No path
+leaves the rooms, nothing in them is shaded alone for its features, and their balls are triangles.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from __future__ import annotations
 import argparse
 import statistics
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +27,7 @@ import raytide as rt
 from compare_peers_scenes import SCENES, box, globe, quads
 from peer_adapter import scene_of
 from raytide.device import open_device
+from raytide.kernels import Features
 
 MATERIALS = (
     rt.Diffuse((0.7, 0.5, 0.3)),
@@ -69,14 +73,24 @@ def scene_named(name: str, size: int, spp: int) -> rt.Scene:
     return scene_of(rt, SCENES[name](None), size, size)
 
 
+@contextmanager
+def unsorted() -> Iterator[None]:
+    """Kernels that are built meanwhile shade vertices in the order of the queue."""
+    switches = Features.switches
+    Features.switches = lambda self: switches(self) | {"several_materials": False}  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        Features.switches = switches  # type: ignore[method-assign]
+
+
 def measured(renderer: rt.Renderer, spp: int, seed: int) -> dict[str, float]:
     """Of one render: vertices, and seconds of device time of both kinds of launch."""
     renderer.restart(seed=seed)
     renderer.render(spp)
-    report, rays = renderer.report(), renderer.rays
+    rays, waves = renderer.rays, renderer.report()["waves"]
     return {"vertices": rays.primary + int(rays.reflection.sum()),
-            "rate": renderer.rays.primary / report["times_s"]["render"],
-            **{wave: report["waves"][wave]["s"] for wave in ("shade", "partition")}}  # fmt: skip
+            **{wave: waves[wave]["s"] for wave in ("shade", "partition")}}  # fmt: skip
 
 
 def main() -> int:
@@ -88,16 +102,22 @@ def main() -> int:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--device", default="pocl")
     wanted = parser.parse_args()
-    print("| scene | vertices | shade | partition | ns a vertex |")
-    print("|---|---|---|---|---|")
+    print("| scene | order | vertices | shade | partition | ns a vertex |")
+    print("|---|---|---|---|---|---|")
     with open_device(wanted.device) as device:
         for name in wanted.scenes.split(","):
-            with rt.Renderer(scene_named(name, wanted.size, wanted.spp), device=device) as renderer:
-                rows = [measured(renderer, wanted.spp, seed) for seed in range(wanted.repeats + 1)][1:]
-            shade, partition = (statistics.median(row[wave] for row in rows) for wave in ("shade", "partition"))
-            vertices = statistics.median(row["vertices"] for row in rows)
-            print(f"| {name} | {vertices:.0f} | {shade:.3f} s | {partition:.3f} s "
-                  f"| {1e9 * (shade + partition) / vertices:.1f} |", flush=True)  # fmt: skip
+            scene = scene_named(name, wanted.size, wanted.spp)
+            with ExitStack() as stack:
+                with unsorted():
+                    queue = stack.enter_context(rt.Renderer(scene, device=device))
+                both = {"queue": queue, "kinds": stack.enter_context(rt.Renderer(scene, device=device))}
+                rows = [{order: measured(renderer, wanted.spp, seed) for order, renderer in both.items()}
+                        for seed in range(wanted.repeats + 1)][1:]  # fmt: skip
+            for order in both:
+                middle = {key: statistics.median(row[order][key] for row in rows) for key in rows[0][order]}
+                each = 1e9 * (middle["shade"] + middle["partition"]) / middle["vertices"]
+                print(f"| {name} | {order} | {middle['vertices']:.0f} | {middle['shade']:.4f} s "
+                      f"| {middle['partition']:.4f} s | {each:.1f} |", flush=True)  # fmt: skip
     return 0
 
 

@@ -25,16 +25,22 @@ typedef struct {
 // What eight rays have found: in lanes whose prim is NONE nothing.
 typedef struct {
     float8 t;
-    float8 u, v, sum;  // weights of the hit: u and v over the sum
+    float8 v, w, sum;  // edge functions: over their sum they are the weights of the second and third vertex
     int8 prim;
 } Found8;
 
-// Triangles that any of eight rays may pass, in the order of ids.
+// A triangle that rays may pass: what depth and weights are made of, and what is below 0 in lanes that do not pass it.
 typedef struct {
-    float8 edges[3u * (LIST_TRIANGLES + 1u)];  // u, v and w of each; the last place is never read
+    float8 v, w, sum;
+    int8 outside;
+} Passed8;
+
+// Those that any of eight rays may pass, in the order of ids.
+typedef struct {
+    Passed8 of[LIST_TRIANGLES + 1u];  // the last place is never read
     uint prims[LIST_TRIANGLES + 1u];
     uint count;
-} Passed8;
+} Passing8;
 
 // The corners as the rays see them.
 static void shear_corners8(const List list, const Rays8 *r, private float8 *table)
@@ -67,7 +73,7 @@ ALWAYS_INLINE static private const float8 *corner_at(private const float8 *table
 
 // Which triangles any ray of the eight passes. No branch: half of the triangles are passed, and nobody could foretell
 // which.
-static void list_passed8(const Geometry g, const List list, private const float8 *table, Passed8 *passed)
+static void list_passing8(const Geometry g, const List list, private const float8 *table, Passing8 *passing)
 {
     uint count = 0u;
     for (uint prim = 0u; prim < g.triangle_count; prim++) {
@@ -75,54 +81,49 @@ static void list_passed8(const Geometry g, const List list, private const float8
         private const float8 *a = corner_at(table, at.x);
         private const float8 *b = corner_at(table, at.y);
         private const float8 *c = corner_at(table, at.z);
-        private float8 *edges = passed->edges + 3u * count;
+        private Passed8 *one = passing->of + count;
         const float8 u = difference_of_products8(c[0], b[1], c[1], b[0]);
         const float8 v = difference_of_products8(a[0], c[1], a[1], c[0]);
         const float8 w = difference_of_products8(b[0], a[1], b[1], a[0]);
-        edges[0] = u;
-        edges[1] = v;
-        edges[2] = w;
-        passed->prims[count] = prim;
-        count += movemask8(mixed_signs8(u, v, w) < 0) != ALL_LANES && !is_hidden(g, at.w) ? 1u : 0u;
+        const int8 outside = mixed_signs8(u, v, w);
+        one->v = v;
+        one->w = w;
+        one->sum = (u + v) + w;
+        one->outside = outside;
+        passing->prims[count] = prim;
+        count += movemask8(outside < 0) != ALL_LANES && !is_hidden(g, at.w) ? 1u : 0u;
     }
-    passed->count = count;
+    passing->count = count;
 }
 
-// Of a listed triangle: scaled depth, the sum of its edges, and what is negative in lanes whose ray does not meet it
-// between 0 and `farthest`, as bits. Where the sum is 0 the depth is NaN, whose bits are beyond all.
-ALWAYS_INLINE static int8 depth_of_passed8(const List list, private const float8 *table, const Passed8 *passed,
-                                           const uint k, const int8 farthest, float8 *depth, float8 *sum)
+// Scaled depth of a listed triangle.
+ALWAYS_INLINE static float8 depth_of_passed8(const uint4 at, private const float8 *table, private const Passed8 *p)
 {
-    const uint4 at = list.triangles[passed->prims[k]];
     const float8 az = corner_at(table, at.x)[2];
     const float8 bz = corner_at(table, at.y)[2];
     const float8 cz = corner_at(table, at.z)[2];
-    const float8 u = passed->edges[3u * k];
-    const float8 v = passed->edges[3u * k + 1u];
-    const float8 w = passed->edges[3u * k + 2u];
-    *sum = (u + v) + w;
-    *depth = az + fma8(v, bz - az, w * (cz - az)) / *sum;
-    const int8 deep = as_int8(*depth + 0.0f);
-    return mixed_signs8(u, v, w) | deep | (farthest - deep);
+    return az + fma8(p->v, bz - az, p->w * (cz - az)) / p->sum;
 }
 
-// The closest triangle of every ray. Ids rise: of equal t the first stays.
-static void find_closest8(const List list, const Rays8 *r, private const float8 *table, const Passed8 *passed,
+// The closest triangle of every ray by plain t (leaf.cl), no deeper than `farthest`, as bits. Ids rise: of equal t the
+// first stays. Where a sum is 0 the depth is NaN, whose bits are beyond all.
+static void find_closest8(const List list, const Rays8 *r, private const float8 *table, const Passing8 *passing,
                           const int8 farthest, Found8 *found)
 {
     // t up to t_max counts: what is below the next number.
     int8 best = as_int8(r->t_max) + 1;
-    for (uint k = 0u; k < passed->count; k++) {
-        float8 depth, sum;
-        const int prim = (int)passed->prims[k];
-        int8 fails = depth_of_passed8(list, table, passed, k, farthest, &depth, &sum) | (r->skip == prim);
+    for (uint k = 0u; k < passing->count; k++) {
+        private const Passed8 *p = passing->of + k;
+        const uint prim = passing->prims[k];
+        const float8 depth = depth_of_passed8(list.triangles[prim], table, p);
+        const int8 deep = as_int8(depth + 0.0f);
         const int8 t = as_int8(depth / r->length_z + 0.0f);
-        fails |= best + ~t;
+        const int8 fails = p->outside | deep | (farthest - deep) | (best + ~t) | (r->skip == (int)prim);
         best = fails < 0 ? best : t;
-        found->u = fails < 0 ? found->u : passed->edges[3u * k + 1u];
-        found->v = fails < 0 ? found->v : passed->edges[3u * k + 2u];
-        found->sum = fails < 0 ? found->sum : sum;
-        found->prim = fails < 0 ? found->prim : (int8)(prim);
+        found->v = fails < 0 ? found->v : p->v;
+        found->w = fails < 0 ? found->w : p->w;
+        found->sum = fails < 0 ? found->sum : p->sum;
+        found->prim = fails < 0 ? found->prim : (int8)((int)prim);
     }
     found->t = as_float8(best);
 }
@@ -146,43 +147,6 @@ ALWAYS_INLINE static int8 box_met_lanes8(const Rays8 *r, const float8 *low, cons
 
 static float8 rounded_down8(const float8 low) { return low - abs8(low) * UNIT_ROUNDOFF; }
 static float8 rounded_up8(const float8 high) { return high + abs8(high) * UNIT_ROUNDOFF; }
-
-// The box around one triangle, for all lanes.
-ALWAYS_INLINE static void triangle_box8(const Geometry g, const uint prim, float8 *low, float8 *high)
-{
-    const uint4 v = g.triangles[prim].v;
-    const float4 a = g.vertices[v.x].p;
-    const float4 b = g.vertices[v.y].p;
-    const float4 c = g.vertices[v.z].p;
-    const float4 lowest = rounded_down(min4(a, min4(b, c)));
-    const float4 highest = rounded_up(max4(a, max4(b, c)));
-    low[0] = (float8)(lowest.x);
-    low[1] = (float8)(lowest.y);
-    low[2] = (float8)(lowest.z);
-    high[0] = (float8)(highest.x);
-    high[1] = (float8)(highest.y);
-    high[2] = (float8)(highest.z);
-}
-
-// Gives the rays that meet any triangle one that they meet. Few do, and a box is more work than a triangle.
-static void find_any8(const Geometry g, const List list, const Rays8 *r, private const float8 *table,
-                      const Passed8 *passed, const int8 farthest, Found8 *found)
-{
-    for (uint k = 0u; k < passed->count; k++) {
-        float8 depth, sum, enter;
-        float8 low[3], high[3];
-        const uint prim = passed->prims[k];
-        int8 fails = depth_of_passed8(list, table, passed, k, farthest, &depth, &sum) | (r->skip == (int)prim);
-        if (movemask8(fails < 0) == ALL_LANES) {
-            continue;
-        }
-        triangle_box8(g, prim, low, high);
-        fails |= ~box_met_lanes8(r, low, high, r->t_max, &enter);
-        const int8 t = as_int8(max8(depth / r->length_z + 0.0f, enter * NEAR_SCALE));
-        fails |= as_int8(r->t_max) - t;
-        found->prim = fails < 0 ? found->prim : (int8)((int)prim);
-    }
-}
 
 // A corner of a triangle a lane.
 ALWAYS_INLINE static void lane_corners8(const Geometry g, const float8 vertex, float8 *p)
@@ -214,27 +178,23 @@ static uint winners_stand8(const Geometry g, const Rays8 *r, const Found8 *found
 // What eight rays keep in memory on their way through the list.
 typedef struct {
     float8 table[3u * LIST_CORNERS];
-    Passed8 passed;
+    Passing8 passing;
 } ListWork;
 
-// Looks through the list for the rays of a batch. Afterwards `prim` is what each of them meets: first, or where `any`
-// at all. Returns the lanes whose answer the list cannot give.
-static uint trace_listed8(const Geometry g, const List list, const Batch *batch, const int any, ListWork *work,
-                          Found8 *found)
+// Looks through the list for the rays of a batch: afterwards `prim` is what each of them meets first. Returns the lanes
+// whose answer the list cannot give. Any hit is the closest one: what stands is met, and where nothing is met by plain t
+// no exact candidate is, being farther.
+static uint trace_listed8(const Geometry g, const List list, const Batch *batch, ListWork *work, Found8 *found)
 {
     const Rays8 *r = &batch->rays;
     const uint idle = movemask8(r->usable) ^ ALL_LANES;
     const int8 farthest = r->moving ? as_int8(r->t_max * r->length_z * FAR_SCALE) : (int8)(-1);
-    found->u = found->v = (float8)(0.0f);
+    found->v = found->w = (float8)(0.0f);
     found->sum = (float8)(1.0f);
     found->prim = (int8)((int)NONE);
     shear_corners8(list, r, work->table);
-    list_passed8(g, list, work->table, &work->passed);
-    if (any) {
-        find_any8(g, list, r, work->table, &work->passed, farthest, found);
-        return (batch->ready | idle) ^ ALL_LANES;
-    }
-    find_closest8(list, r, work->table, &work->passed, farthest, found);
+    list_passing8(g, list, work->table, &work->passing);
+    find_closest8(list, r, work->table, &work->passing, farthest, found);
     const uint missed = movemask8(found->prim == (int8)((int)NONE)) & batch->ready;
     return (winners_stand8(g, r, found) | missed | idle) ^ ALL_LANES;
 }
@@ -244,7 +204,7 @@ static void listed_hits8(const Rays8 *r, const Found8 *found, private float4 *ro
 {
     const int8 missed = found->prim == (int8)((int)NONE);
     const float8 t = missed ? r->t_given : found->t * r->t_unit;
-    const Rows8 hits = transposed8(t, found->u / found->sum, found->v / found->sum, as_float8(found->prim));
+    const Rows8 hits = transposed8(t, found->v / found->sum, found->w / found->sum, as_float8(found->prim));
     rows[0] = hits.x.lo;
     rows[1] = hits.y.lo;
     rows[2] = hits.z.lo;

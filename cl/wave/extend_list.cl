@@ -32,7 +32,7 @@ kernel void extend_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS, global const uint *qu
             PREFETCH(hits + later);
         }
         set_up_batch(extent, rays, slots, size, &batch);
-        const uint left = trace_listed8(g, list, &batch, 0, &work, &found);
+        const uint left = trace_listed8(g, list, &batch, &work, &found);
         listed_hits8(&batch.rays, &found, rows);
         for (uint k = 0u; k < size; k++) {
             const uint slot = slots[k];

@@ -117,9 +117,9 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     s->status[i] = next | (edge << STATUS_EDGES_SHIFT);
 }
 
-// Shades the vertices of the queue, ITEM_RAYS an item: eight at once where that is possible, the others one by one.
+// Shades the vertices of the queue, SHADE_RAYS an item: eight at once where that is possible, the others one by one.
 // Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
-VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
+VEC_LEN_HINT __attribute__((reqd_work_group_size(SHADE_GROUP, 1, 1)))
 kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
                   global const Light *light_table LIGHT_TREE_ARGUMENTS, global const Settings *settings,
                   global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
@@ -127,18 +127,24 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
                   global float4 *shadow_light, global float4 *samples, global uint *faults SCATTERINGS_ARGUMENT
                   MEDIA_ARGUMENT CAUSTICS_ARGUMENT)
 {
-    const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
+    const uint begin = (uint)get_global_id(0) * SHADE_RAYS;
     if (begin >= count) {
         return;
     }
     const Geometry g = GEOMETRY_AND_TEXTURES;
     const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
-    const Shading s = {g, objects, materials, lights, settings, queue, count, rays, hits, throughput, paths, status,
-                       shadow_rays, shadow_light, samples, faults};
-    const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
+    const uint end = count - begin < SHADE_RAYS ? count : begin + SHADE_RAYS;
+    Shading s = {g, objects, materials, lights, settings, queue, count, rays, hits, throughput, paths, status,
+                 shadow_rays, shadow_light, samples, faults};
+#if SORTED
+    uint8 order[SHADE_RAYS / LANES];
+    order_by_kind(&s, begin, end, (uint *)order);
+    s.begin = begin;
+    s.order = (const uint *)order;
+#endif
     for (uint i = begin; i < end; i += GROUP_SLOTS) {
         for (uint rest = shade_group(&s, i, end LEFT_NORMALS CAUSTICS); rest != 0u; rest &= rest - 1u) {
-            shade_slot(&s, i + ctz_of(rest) LEFT_NORMALS SCATTERINGS MEDIA CAUSTICS);
+            shade_slot(&s, place_of(&s, i + ctz_of(rest)) LEFT_NORMALS SCATTERINGS MEDIA CAUSTICS);
         }
     }
 }

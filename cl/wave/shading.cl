@@ -6,6 +6,21 @@
 #include "wave/path.cl"
 #include "wave/vertex.cl"
 
+#define WIDE_SHADING                                                                                                  \
+    (DEVICE_CPU && HAS_TRIANGLES && !HAS_LOCAL && !HAS_TEXTURED && !HAS_BLEND && !HAS_OPACITY && !HAS_ABSORPTION &&   \
+     !HAS_TANGENTS && !HAS_INSTANCES && !HAS_VISIBILITY)
+#define SORTED (WIDE_SHADING && HAS_SEVERAL_MATERIALS)
+
+// Part of the queue that a work-item shades, and items of a group: a group has as many rays as where tracing has smaller
+// items. The host's shade_launch agrees.
+#if DEVICE_GPU
+#define SHADE_RAYS 1u
+#define SHADE_GROUP RAY_GROUP
+#else
+#define SHADE_RAYS (TILE * TILE_GROUP)
+#define SHADE_GROUP 1
+#endif
+
 // In the order in which the kernel fills it.
 typedef struct {
     Geometry g;
@@ -24,6 +39,10 @@ typedef struct {
     global float4 *shadow_light;
     global float4 *samples;
     global uint *faults;
+#if SORTED
+    uint begin;         // of the item's part of the queue
+    const uint *order;  // its places in the order of shading
+#endif
 } Shading;
 
 // Whether a shadow ray is traced for sampled light; where shadows are off it arrives at once, in sample `place`.

@@ -35,7 +35,7 @@ kernel void shadow_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS MASK_ARGUMENTS, global
             PREFETCH(shadow_light + later);
         }
         set_up_batch(extent, shadow_rays, slots, size, &batch);
-        const uint left = trace_listed8(g, list, &batch, 1, &work, &found);
+        const uint left = trace_listed8(g, list, &batch, &work, &found);
         const uint hit = movemask8(found.prim != (int8)((int)NONE));
         for (uint k = 0u; k < size; k++) {
             const uint slot = slots[k];

@@ -9,6 +9,7 @@
 #include "wave/vertex.cl"
 #include "wave/wide_vertex.cl"
 #include "wave/wide_light.cl"
+#include "wave/wide_order.cl"
 
 #if DEVICE_GPU
 #define GROUP_SLOTS 1u
@@ -16,16 +17,41 @@
 #define GROUP_SLOTS 8u
 #endif
 
-// Asks for the state of the slots that come a group later, and of a last one again where there are none.
-static void prefetch_group(const Shading *s, const uint i)
+#define MANY_TRIANGLES 4096u  // more than near caches hold
+
+// Slot of what is shaded as number `i`, or of the last one where there are not so many.
+static uint slot_ahead(const Shading *s, const uint i, const uint end)
 {
+#if SORTED
+    const uint last = end - 1u;
+#else
     const uint last = s->count - 1u;
+#endif
+    return s->queue[place_of(s, i < last ? i : last)];
+}
+
+// Asks for the state of the slots that come a group later; and where triangles are many, for their corners, for the
+// triangles of those two groups later and the hits of those three groups later.
+static void prefetch_group(const Shading *s, const uint i, const uint end)
+{
+    const int many = s->g.triangle_count > MANY_TRIANGLES;
     for (uint k = i + GROUP_SLOTS; k < i + 2u * GROUP_SLOTS; k++) {
-        const uint later = s->queue[k < last ? k : last];
+        const uint later = slot_ahead(s, k, end);
         PREFETCH(s->rays + later);
-        PREFETCH(s->hits + later);
         PREFETCH(s->paths + later);
         PREFETCH(s->throughput + later);
+        if (!many) {
+            PREFETCH(s->hits + later);
+            continue;
+        }
+        const uint prim = s->hits[later].prim;
+        const uint4 corners = s->g.triangles[prim < s->g.triangle_count ? prim : 0u].v;
+        PREFETCH(s->g.vertices + corners.x);
+        PREFETCH(s->g.vertices + corners.y);
+        PREFETCH(s->g.vertices + corners.z);
+        const uint next = s->hits[slot_ahead(s, k + GROUP_SLOTS, end)].prim;
+        PREFETCH(s->g.triangles + (next < s->g.triangle_count ? next : 0u));
+        PREFETCH(s->hits + slot_ahead(s, k + 2u * GROUP_SLOTS, end));
     }
 }
 
@@ -91,21 +117,22 @@ static void note_hits(const Shading *s, const uint lanes, const uint8 sample)
     }
 }
 
-// Shades the slots from `i` on, of which those before `end` count; gives the lanes that are left to be shaded alone:
+// Shades those from number `i` on, of which those before `end` count; gives the lanes that are left to be shaded alone:
 // those that met no triangle, met a light, or are unsound.
 static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT CAUSTICS_ARGUMENT)
 {
-    prefetch_group(s, i);
+    prefetch_group(s, i, end);
     if (end - i < LANES) {
         return (1u << (end - i)) - 1u;
     }
-    const uint8 slot = *(global const uint8 *)(s->queue + i);
+    const uint8 place = places_of(s, i);
+    const uint8 slot = slots_of(s, place);
     const Rows8 hit = rows_at((global const float4 *)s->hits, slot);
     const Rows8 direction = rows_at((global const float4 *)s->rays, slot * 2u + 1u);
     const uint8 found = as_uint8(hit.w);
     const uint held = movemask8(direction.w > 0.0f);
     const uint lanes = held & movemask8(found < s->g.triangle_count);
-    *(global uint8 *)(s->status + i) = (uint8)(0u);
+    put_status(s, place, (uint8)(0u));
     if (lanes == 0u) {
         return held;
     }
@@ -137,7 +164,7 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     const uint8 bit = (uint8)(1u, 2u, 4u, 8u, 16u, 32u, 64u, 128u);
     const uint8 next = ((living & bit) != 0u ? (uint8)(STATUS_ALIVE) : (uint8)(0u)) |
                        ((asking & bit) != 0u ? (uint8)(STATUS_SHADOW) : (uint8)(0u)) | edge << STATUS_EDGES_SHIFT;
-    *(global uint8 *)(s->status + i) = (v.lanes & bit) != 0u ? next : (uint8)(0u);
+    put_status(s, place, (v.lanes & bit) != 0u ? next : (uint8)(0u));
     const uint unsound = scattering & ~v.lanes;
     note_hits(s, first & ~unsound, sample);
     return alone | unsound;
@@ -145,7 +172,7 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
 #else
 static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT CAUSTICS_ARGUMENT)
 {
-    prefetch_group(s, i);
+    prefetch_group(s, i, end);
     return end - i < GROUP_SLOTS ? (1u << (end - i)) - 1u : (1u << GROUP_SLOTS) - 1u;
 }
 #endif

@@ -10,11 +10,9 @@
 #include "dispatch/material8.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
+#include "wave/shading.cl"
 #include "wave/vertex.cl"
 
-#define WIDE_SHADING                                                                                                  \
-    (DEVICE_CPU && HAS_TRIANGLES && !HAS_LOCAL && !HAS_TEXTURED && !HAS_BLEND && !HAS_OPACITY && !HAS_ABSORPTION &&   \
-     !HAS_TANGENTS && !HAS_INSTANCES && !HAS_VISIBILITY)
 #if WIDE_SHADING
 #define LIGHT_ROWS ((uint)(sizeof(Light) / sizeof(float4)))
 

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytide.kernels.features import Features
-from raytide.kernels.records import RECORDS
+from raytide.kernels.constants import TILE, TILE_GROUP
+from raytide.kernels.features import Features, kinds
+from raytide.kernels.records import NONE, RECORDS
+from raytide.scene.materials import MATERIALS
 from shading_programs import F4, LOCAL, program
 
 # name: what eight rows A, B, C give, as Rows8, and what one row a, b, c gives, as float4
@@ -170,3 +172,56 @@ def test_every_lane_has_the_bits_of_the_function_of_one(device: Any, sampler: st
         same = (these.view(np.uint32) == those.view(np.uint32)) | (np.isnan(these) & np.isnan(those))
         assert same.all(), f"{name}: {(~same).any(axis=1).sum()} of {count} lanes differ"
     assert np.isnan(wanted).any() and np.isfinite(wanted).mean() > 0.8
+
+
+ORDER = """
+#include "wave/wide_shade.cl"
+kernel void probe_order(const uint count, global const Triangle *triangles, global const Object *objects,
+                        global const Material *materials, global const uint *queue, global const Hit *hits,
+                        global uint *order)
+{
+    const uint begin = (uint)get_global_id(0) * SHADE_RAYS;
+    if (begin >= count) {
+        return;
+    }
+    Shading s;
+    s.g.triangles = triangles;
+    s.g.triangle_count = 16u;
+    s.objects = objects;
+    s.materials = materials;
+    s.queue = queue;
+    s.hits = hits;
+    uint places[SHADE_RAYS];
+    const uint end = count - begin < SHADE_RAYS ? count : begin + SHADE_RAYS;
+    order_by_kind(&s, begin, end, places);
+    for (uint i = begin; i < end; i++) {
+        order[i] = places[i - begin];
+    }
+}
+"""
+
+
+def test_the_order_of_shading_is_that_of_kinds_and_keeps_that_of_the_queue(device: Any) -> None:
+    if device.kind == "gpu":
+        pytest.skip("GPUs shade one vertex an item")
+    rng, count, part = np.random.default_rng(5), 1000, TILE * TILE_GROUP
+    arrays = {name: np.zeros(16, RECORDS[name].dtype) for name in ("Triangle", "Object", "Material")}
+    arrays["Triangle"]["v"][:, 3] = rng.permutation(16)
+    arrays["Object"]["material"] = rng.permutation(16)
+    arrays["Object"]["light"] = np.where(np.arange(16) < 2, 0, NONE)
+    arrays["Material"]["kind"] = rng.integers(0, len(kinds("material")), 16)
+    queue = rng.permutation(count).astype(np.uint32)
+    hits = np.zeros(count, RECORDS["Hit"].dtype)
+    hits["prim"] = np.where(rng.random(count) < 0.1, NONE, rng.integers(0, 20, count))  # 16 and more: shapes
+    order = device.empty(4 * count)
+    present = tuple((kind, MATERIALS[kind].PARAMETERS) for kind in ("diffuse", "mirror"))
+    built = program(device, "order", ORDER, Features(materials=present, lights=("emitter",)))
+    uploaded = [device.upload(array) for array in (*arrays.values(), queue, hits)]
+    device.launch(built, "probe_order", -(-count // part), 1, np.uint32(count), *uploaded, order)
+
+    objects = arrays["Object"][arrays["Triangle"]["v"][hits["prim"][queue] % 16, 3]]
+    of_material = arrays["Material"]["kind"][objects["material"]]
+    alone = (hits["prim"][queue] >= 16) | (objects["light"] != NONE)
+    kind = np.where(alone, 1000, of_material)  # those that are shaded alone come last
+    wanted = [begin + np.argsort(kind[begin : begin + part], kind="stable") for begin in range(0, count, part)]
+    np.testing.assert_array_equal(device.read(order, np.uint32, count), np.concatenate(wanted))

@@ -78,6 +78,12 @@ def trace_launch(count: int, alone: bool) -> tuple[int, int]:
     return (count, RAY_GROUP) if alone else (-(-count // TILE), TILE_GROUP)
 
 
+def shade_launch(count: int, alone: bool) -> tuple[int, int]:
+    """Work-items and group size that shade `count` vertices: TILE * TILE_GROUP an item, or one where they are `alone`
+    (GPUs)."""
+    return (count, RAY_GROUP) if alone else (-(-count // (TILE * TILE_GROUP)), 1)
+
+
 def c_text() -> str:
     """All numbers as OpenCL C."""
     return "".join(f"#define {name} {value}u\n" for name, value in _UNSIGNED.items())

@@ -6,7 +6,7 @@ A kind takes part where its text serves eight (kernels/widen.py). All others are
 from __future__ import annotations
 
 from raytide.kernels.dispatch import type_name
-from raytide.kernels.features import Features, Parameters
+from raytide.kernels.features import Features, Parameters, kinds
 from raytide.kernels.widen import SERVE_BOTH
 
 _TYPES = {1: "float8", 3: "Vector8", 4: "Rows8"}
@@ -18,6 +18,7 @@ def text(features: Features) -> str:
     present = [(kind, rows) for kind, rows in features.materials if f"material/{kind}.cl" in SERVE_BOTH]
     out = ['#include "base/wide.cl"', '#include "base/bsdf8.cl"', '#include "dispatch/material.cl"', "#if DEVICE_CPU"]
     out.append("#define MATERIAL_ROWS ((uint)(sizeof(Material) / sizeof(float4)))")
+    out.append(f"#define MATERIAL_KINDS {len(kinds('material'))}u")
     for kind, parameters in present:
         out += ["#endif", _parameters(kind, parameters), f'#include "material/{kind}8.cl"', "#if DEVICE_CPU"]
     out += [_VALUES_HEAD, *(_VALUES.format(**_words(kind)) for kind, _ in present), "    return done;\n}\n"]

@@ -97,6 +97,7 @@ class Features:
             on |= {kind: kind in present for kind in kinds(group)}
         on["analytic"] = any(shape != "plane" for shape in self.shapes)
         on["lights"] = bool(self.picked_lights)
+        on["several_materials"] = len(set(self.material_kinds) - {"emissive"}) > 1
         on["sky"] = any(light in SKIES for light in self.lights)
         on["textured"] = bool(self.textures) or self.relief  # materials
         on["textures"] = on["textured"] or "environment_map" in self.lights or self.tangents  # buffers of texels and uv

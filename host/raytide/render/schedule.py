@@ -58,6 +58,11 @@ WAVES = (
 AOV = Wave("aov", traces=True)  # built when a film is asked for its layers
 
 
+# Kinds of waves: which rays they trace. Launches of the first three follow the tiles of the picture, because compaction
+# keeps the order in which camera rays were made.
+KINDS = ("primary", "reflection[1]", "shadow[1]", "reflection", "shadow")
+
+
 @dataclass(frozen=True)
 class Variant:
     """One way to trace a queue: programs `extend` and `shadow` with `suffix`. Where rays are not `together`, GPUs trace
@@ -73,11 +78,14 @@ class Variant:
     fits: Callable[[str, Features], bool]
     usual: tuple[str, ...]
     listed: bool = False  # for scenes of few triangles only, whose list its kernels take
+    kinds: tuple[str, ...] = KINDS  # of waves that it may trace
 
     @property
     def waves(self) -> tuple[Wave, ...]:
         lit = lambda features: bool(features.picked_lights)  # noqa: E731
-        return Wave(f"extend{self.suffix}", traces=True), Wave(f"shadow{self.suffix}", lit, traces=True)
+        shadow = Wave(f"shadow{self.suffix}", lit, traces=True)
+        shaded = any(kind.startswith("shadow") for kind in self.kinds)
+        return (Wave(f"extend{self.suffix}", traces=True), *((shadow,) if shaded else ()))
 
 
 def _listed_alone(features: Features) -> bool:
@@ -86,9 +94,6 @@ def _listed_alone(features: Features) -> bool:
     return features.tree and features.triangles and not others
 
 
-# Kinds of waves: which rays they trace. Launches of the first three follow the tiles of the picture, because compaction
-# keeps the order in which camera rays were made.
-KINDS = ("primary", "reflection[1]", "shadow[1]", "reflection", "shadow")
 VARIANTS = (
     Variant("single", "", False, lambda kind, features: not features.compact, KINDS),
     Variant("list", "_list", True, lambda kind, features: kind != "gpu" and _listed_alone(features), KINDS, True),
@@ -106,17 +111,20 @@ def kind_of(label: str) -> str:
 
 def variants_for(traversal: str, kind: str, features: Features, short: bool = False) -> tuple[Variant, ...]:
     """The variants that a render may use: all that fit; a named one, and single rays for the waves that it is not for.
-    In the compact layout there is one. `short`: whether the scene's triangles can be listed. UsageError for an unknown
-    `traversal`."""
+    In the compact layout there is one. `short`: whether the scene's triangles can be listed; packets then trace camera
+    rays only, for lists are as fast for all others and compile sooner. UsageError for an unknown `traversal`."""
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
     fitting = [v for v in VARIANTS if v.fits(kind, features) and (short or not v.listed)]
-    return (fitting[0], *(v for v in fitting[1:] if traversal in ("auto", v.name)))
+    chosen = (fitting[0], *(v for v in fitting[1:] if traversal in ("auto", v.name)))
+    if any(v.listed for v in chosen):
+        return tuple(replace(v, kinds=("primary",)) if v.name == "packet" else v for v in chosen)
+    return chosen
 
 
 def usual_variant(variants: tuple[Variant, ...], kind: str) -> Variant:
     """Which of them traces a kind of wave where nothing was measured."""
-    return next(v for v in reversed(variants) if kind in v.usual)
+    return next(v for v in reversed(variants) if kind in v.usual and kind in v.kinds)
 
 
 def uses_compact(traversal: str, kind: str, features: Features) -> bool:

@@ -49,13 +49,16 @@ class Trial:
         self._cache = FileCache("traversal")
         self._kernels = digest(*(f"{name} {sha}" for name, sha in sorted(kernels.items())))
         self._kinds = {kind: _Kind() for kind in KINDS}
-        if forced or len(variants) == 1:
-            for kind, state in self._kinds.items():
+        for kind, state in self._kinds.items():
+            if forced or len(self._able(kind)) == 1:
                 state.chosen = usual_variant(variants, kind)
-        else:
-            for kind in KINDS:
+            else:
                 self._recall(kind)
-            self._cache.report_damage()
+        self._cache.report_damage()
+
+    def _able(self, kind: str) -> tuple[Variant, ...]:
+        """The variants that may trace a kind of wave."""
+        return tuple(variant for variant in self.variants if kind in variant.kinds)
 
     def is_settled(self, kind: str) -> bool:
         """Whether nothing is left to measure for a kind of wave, so that the number of its rays does not matter."""
@@ -71,7 +74,7 @@ class Trial:
             usual = usual_variant(self.variants, kind)
             launch(usual)
             return usual
-        variant = min(self.variants, key=lambda one: state.launches.get(one.name, 0))
+        variant = min(self._able(kind), key=lambda one: state.launches.get(one.name, 0))
         self.device.finish()
         begun = time.perf_counter()
         launch(variant)
@@ -88,16 +91,17 @@ class Trial:
             return
         state.rays[name] = state.rays.get(name, 0) + rays
         state.seconds[name] = state.seconds.get(name, 0.0) + seconds
-        least = min(state.launches.get(one.name, 0) for one in self.variants)
+        able = self._able(kind)
+        least = min(state.launches.get(one.name, 0) for one in able)
         if least >= ROUNDS or (least > 1 and self.spent_s >= LONGEST_S):
-            rates = {one.name: state.rays[one.name] / max(state.seconds[one.name], 1e-9) for one in self.variants}
+            rates = {one.name: state.rays[one.name] / max(state.seconds[one.name], 1e-9) for one in able}
             self._decide(kind, rates, "trial")
             facts = {"device": self.device.info.id, "driver": self.device.info.driver, "kind": kind}
             self._cache.put(self._key(kind), facts, json.dumps(rates).encode())
 
     def _decide(self, kind: str, rates: dict[str, float], source: str) -> None:
         state = self._kinds[kind]
-        state.chosen = max(self.variants, key=lambda one: rates[one.name])
+        state.chosen = max(self._able(kind), key=lambda one: rates[one.name])
         state.rates, state.source = rates, source
 
     def _recall(self, kind: str) -> None:
@@ -106,7 +110,7 @@ class Trial:
         if entry is None:
             return
         try:
-            rates = {one.name: float(json.loads(entry.payload)[one.name]) for one in self.variants}
+            rates = {one.name: float(json.loads(entry.payload)[one.name]) for one in self._able(kind)}
         except (ValueError, KeyError, TypeError):
             self._cache.drop(self._key(kind))
             return
@@ -114,7 +118,7 @@ class Trial:
 
     def _key(self, kind: str) -> str:
         info = self.device.info
-        names = " ".join(one.name for one in self.variants)
+        names = " ".join(one.name for one in self._able(kind))
         return digest("traversal", binary_key(info, self.device.options, self._kernels), kind, names,
                       str(info.compute_units), self._size)  # fmt: skip
 

@@ -22,6 +22,7 @@ from raytide.kernels.constants import (
     PARTITION_CHUNK,
     RAY_KINDS,
     TILE,
+    shade_launch,
     trace_launch,
 )
 from raytide.kernels.features import Features
@@ -263,7 +264,7 @@ class Waves:
         """Shades `count` queued paths and traces their shadow rays, in a launch called `label`; gives the paths that go
         on, and by edges."""
         scene = self.scene
-        items, local = trace_launch(count, alone=self.device.kind == "gpu")
+        items, local = shade_launch(count, alone=self.device.kind == "gpu")
         self.device.launch(
             self.programs["shade"], "shade", items, local,
             *scene.geometry("indirect"), scene.objects, scene.materials, *scene.textures, *self._lights, self.settings,
