@@ -129,6 +129,19 @@ def test_a_trial_changes_no_bit_and_is_remembered(device: Device, own_choices: P
         assert second["ran"].get(kind, one["runs"]) == one["runs"]
 
 
+def test_a_measurement_tries_anew_and_leaves_what_is_remembered_as_it_is(device: Device, own_choices: Path) -> None:
+    if device.kind == "gpu":
+        pytest.skip("there is nothing to choose")
+    shown(device)
+    before = {path: path.read_bytes() for path in own_choices.rglob("*") if path.is_file()}
+    with rt.Renderer(rt.load(CORNELL), device, memory=60_000, size=(48, 40), spp=18) as renderer:
+        assert renderer.trial.as_dict()["primary"]["by"] == "cache"
+        renderer.trial.forget()
+        renderer.render()
+        assert renderer.trial.as_dict()["primary"]["by"] == "trial"
+    assert before and before == {path: path.read_bytes() for path in own_choices.rglob("*") if path.is_file()}
+
+
 def test_damaged_choices_are_tried_again(device: Device, own_choices: Path) -> None:
     if device.kind == "gpu":
         pytest.skip("there is nothing to choose")

@@ -103,7 +103,7 @@ def visit(rates: list[float], shares: list[float | None] | None = None, status: 
               "others_frac": found.others_frac, "event_gap_frac": 0.1}  # fmt: skip
     summary, sensed = summary_of_kept(1e6, found, QUICK, "rays"), {"power_w": [9.0], "method": "m"}
     return {"status": status, "reason": None if status == "ok" else "why", "timing": timing, "summary": summary,
-            "telemetry": sensed}  # fmt: skip
+            "telemetry": sensed, "tuning": {"visits": [{"primary": f"v{len(rates)}"}], "wave_paths": 9}}  # fmt: skip
 
 
 def test_visits_count_as_one_measurement_and_tell_how_far_they_are_apart() -> None:
@@ -114,6 +114,7 @@ def test_visits_count_as_one_measurement_and_tell_how_far_they_are_apart() -> No
     assert found["summary"]["samples_per_s"] == pytest.approx(1e6)
     assert found["timing"]["visits"] == [3, 3, 3] and found["telemetry"]["power_w"] == [9.0, 9.0, 9.0]
     assert found["timing"]["event_gap_frac"] == pytest.approx(0.1)
+    assert found["tuning"] == {"visits": [{"primary": "v3"}] * 3, "wave_paths": 9}
 
 
 def test_a_later_visit_that_fails_takes_the_score_and_a_skipped_one_changes_nothing() -> None:

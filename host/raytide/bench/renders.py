@@ -19,6 +19,7 @@ from raytide.bench.soak import soak
 from raytide.bench.timing import (
     SEED,
     check_timed,
+    chosen,
     picture_again,
     samples_for,
     shares_processor,
@@ -111,6 +112,7 @@ def timed(
     """Equal pictures, again and again, without verification between them."""
     device.reset_peak()
     with Renderer(scene, device, max_depth=workload.max_depth, size=plan.size, seed=SEED) as renderer:
+        renderer.trial.forget()
         spp = samples_for(renderer, plan.value_s)
 
         def once() -> float:
@@ -124,6 +126,7 @@ def timed(
         out: dict[str, Any] = {
             "timing": timing, "summary": summary, "telemetry": found.telemetry,
             "tuning": {"traversal": dict(renderer.waves.traced_by if renderer.waves else {}),
+                       "visits": [chosen(renderer)],
                        "wave_paths": renderer.plan.capacity, "samples_in_flight": renderer.plan.samples},
             "scene": scene_facts(renderer, device),
         }  # fmt: skip

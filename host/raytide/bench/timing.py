@@ -36,6 +36,11 @@ def samples_for(renderer: Renderer, seconds: float) -> int:
         spp = min(MOST_SPP, max(spp + 1, round(spp * growth)))
 
 
+def chosen(renderer: Renderer) -> dict[str, str]:
+    """Which variant of the traversal traces which kind of wave, as this visit's own trial found."""
+    return {kind: row["runs"] for kind, row in renderer.trial.as_dict().items()}
+
+
 def picture_again(renderer: Renderer, spp: int) -> float:
     """The same picture once more; gives its seconds by the device's clock."""
     renderer.restart(SEED)

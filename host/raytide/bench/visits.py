@@ -14,7 +14,16 @@ import numpy as np
 
 from raytide.bench.plan import Plan, Values, repeat
 from raytide.bench.references import load_references
-from raytide.bench.timing import SEED, check_timed, gap, picture_again, shares_processor, summary_of_render, timing_of
+from raytide.bench.timing import (
+    SEED,
+    check_timed,
+    chosen,
+    gap,
+    picture_again,
+    shares_processor,
+    summary_of_render,
+    timing_of,
+)
 from raytide.bench.validity import MOST_COUNTS, Validity
 from raytide.bench.workloads import WORKLOADS
 from raytide.device import Device
@@ -27,12 +36,13 @@ def measure_again(device: Device, name: str, plan: Plan, spp: int, origin: float
     with tempfile.TemporaryDirectory(prefix="raytide-bench-") as folder:
         scene = workload.make(Path(folder), None)
         with Renderer(scene, device, max_depth=workload.max_depth, size=plan.size, seed=SEED) as renderer:
+            renderer.trial.forget()
             found = repeat(lambda: picture_again(renderer, spp), plan.of_one_visit(), shares_processor(device), origin)
             check_timed(renderer.film, load_references()[name], validity)
-            timing = timing_of(found, renderer, spp)
+            timing, variants = timing_of(found, renderer, spp), [chosen(renderer)]
     status = "ok" if validity.passed else "invalid"
     return {"status": status, "reason": "; ".join(validity.reasons) or None, "timing": timing,
-            "telemetry": found.telemetry}  # fmt: skip
+            "telemetry": found.telemetry, "tuning": {"visits": variants}}  # fmt: skip
 
 
 def joined(first: dict[str, Any], later: list[dict[str, Any]], plan: Plan) -> dict[str, Any]:
@@ -54,7 +64,8 @@ def joined(first: dict[str, Any], later: list[dict[str, Any]], plan: Plan) -> di
     timing |= {"event_gap_frac": gap(found), "visits": [len(one["values_s"]) for one in timings]}
     summary = first["summary"] | summary_of_render(found, plan, work)
     summary["visit_medians"] = [work["rays"] / float(np.median(one["values_s"])) for one in timings]
-    return {**first, "timing": timing, "summary": summary, "telemetry": chained([one["telemetry"] for one in visits])}
+    tables = {key: chained([one[key] for one in visits]) for key in ("telemetry", "tuning")}
+    return {**first, "timing": timing, "summary": summary, **tables}
 
 
 def chained(tables: list[dict[str, Any]]) -> dict[str, Any]:

@@ -46,7 +46,7 @@ class Trial:
         self.device, self.variants = device, variants
         self._size = str(triangles.bit_length()) if any(variant.listed for variant in variants) else ""
         self.spent_s = 0.0
-        self._cache = FileCache("traversal")
+        self._cache, self._keeps = FileCache("traversal"), True
         self._kernels = digest(*(f"{name} {sha}" for name, sha in sorted(kernels.items())))
         self._kinds = {kind: _Kind() for kind in KINDS}
         for kind, state in self._kinds.items():
@@ -59,6 +59,14 @@ class Trial:
     def _able(self, kind: str) -> tuple[Variant, ...]:
         """The variants that may trace a kind of wave."""
         return tuple(variant for variant in self.variants if kind in variant.kinds)
+
+    def forget(self) -> None:
+        """Tries anew what earlier renders had settled, and keeps nothing for later ones: for measurements, which must
+        not hang on what a busy machine decided last week."""
+        self._keeps = False
+        for kind, state in self._kinds.items():
+            if state.source == "cache":
+                self._kinds[kind] = _Kind()
 
     def is_settled(self, kind: str) -> bool:
         """Whether nothing is left to measure for a kind of wave, so that the number of its rays does not matter."""
@@ -97,7 +105,8 @@ class Trial:
             rates = {one.name: state.rays[one.name] / max(state.seconds[one.name], 1e-9) for one in able}
             self._decide(kind, rates, "trial")
             facts = {"device": self.device.info.id, "driver": self.device.info.driver, "kind": kind}
-            self._cache.put(self._key(kind), facts, json.dumps(rates).encode())
+            if self._keeps:
+                self._cache.put(self._key(kind), facts, json.dumps(rates).encode())
 
     def _decide(self, kind: str, rates: dict[str, float], source: str) -> None:
         state = self._kinds[kind]
