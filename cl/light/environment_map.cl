@@ -1,4 +1,5 @@
 #pragma OPENCL FP_CONTRACT OFF
+#include "accel/daylight.cl"
 #include "accel/geometry.cl"
 #include "base/light_emission.cl"
 #include "base/light_sample.cl"
@@ -8,7 +9,8 @@
 // Radiance from a picture of all directions: longitude along its rows, latitude down its columns, the top at +y of the
 // frame whose rows are position, direction and extra (xyz), bilinear between texel centres; radiance.xyz scales it.
 // direction.w: share of the picture's height that lies beyond the poles: 0 where they are its edges, 1 / height where
-// they are the middles of its first and last row.
+// they are the middles of its first and last row. Of daylight the picture is only sampled by: its radiance is that of the
+// model (accel/daylight.cl), and radiance.w != 0.
 //
 // The sky is cut into patches between four texel centres: height + 1 rows (the first and the last are half as high)
 // of `width` patches. A patch is picked by inverting first the distribution of rows, then that of patches in the row,
@@ -71,6 +73,18 @@ typedef struct {
     float pdf;
 } SkySeen;
 
+// Radiance along unit d in the picture's axes, where the picture shows `color`.
+static float3 sky_color(global const Light *l, const Geometry g, global const Texture *t, const float3 d,
+                        const float3 color)
+{
+#if HAS_DAYLIGHT
+    if (l->radiance.w != 0.0f) {
+        return daylight(g.textures.texels + t->patches + (t->height + 1u) * (t->width + 1u), d) * xyz(l->radiance);
+    }
+#endif
+    return color * xyz(l->radiance);
+}
+
 static SkySeen environment_map_seen(global const Light *l, const Geometry g, const float3 wi)
 {
     global const Texture *t = g.textures.table + l->prim;
@@ -86,7 +100,7 @@ static SkySeen environment_map_seen(global const Light *l, const Geometry g, con
     const uint columns = row[x.low] - (x.low > 0u ? row[x.low - 1u] : 0u);
     const float3 color = texels_between(g.textures, t, x, y);
     SkySeen out;
-    out.radiance = color * xyz(l->radiance);
+    out.radiance = sky_color(l, g, t, d, color);
     out.pdf = (1.0f - beyond) * patch_pdf(g, t, (uint4)(x.low, x.high, y.low, y.high), y.cell,
                                           (float)rows * (float)columns * PATCH_UNIT, luminance_of(color), sine);
     return out;
@@ -124,8 +138,9 @@ static LightSample environment_map_sample(global const Light *l, const Geometry 
     sin_cos_turns(((float)column + 0.5f + x.weight) / (float)t->width, &sine_phi, &cosine_phi);
     const float3 color = texels_between(g.textures, t, x, y);
     LightSample out;
-    out.to = xyz(l->position) * (sine * sine_phi) + xyz(l->direction) * cosine - xyz(l->extra) * (sine * cosine_phi);
-    out.radiance = color * xyz(l->radiance);
+    const float3 way = (float3)(sine * sine_phi, cosine, -(sine * cosine_phi));
+    out.to = xyz(l->position) * way.x + xyz(l->direction) * way.y + xyz(l->extra) * way.z;
+    out.radiance = sky_color(l, g, t, way, color);
     out.pdf = (1.0f - beyond) * patch_pdf(g, t, (uint4)(x.low, x.high, y.low, y.high), row,
                                           (float)rows * (float)columns * PATCH_UNIT, luminance_of(color), sine);
     out.delta = 0u;

@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 // What rays see that meet nothing. Included by wave/shade.cl.
 #include "base/vector.cl"
+#include "accel/daylight.cl"
 #include "accel/geometry.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"

@@ -51,6 +51,15 @@ def test_all_and_none_build_without_a_warning(device: Device) -> None:
     assert_no_warnings(device, {"none": NONE_ON, "all": ALL_ON, **wide})
 
 
+def test_kernels_of_lists_build_without_a_warning(device: Device) -> None:
+    """With all that they can be combined with; neither of the two above has triangles and a tree and nothing else."""
+    features = replace(NONE_ON, tree=True, triangles=True, visibility=True, opacity=True)
+    lists = next(variant for variant in VARIANTS if variant.listed)
+    assert lists.fits("cpu", features) and not lists.fits("gpu", features) and not lists.fits("cpu", ALL_ON)
+    programs = device.build({wave.name: assemble(wave.entry, wave.features(features)) for wave in lists.waves})
+    assert not {name: program.log for name, program in programs.items() if "warning" in program.log.lower()}
+
+
 @pytest.mark.one_driver
 def test_each_switch_alone_builds_without_a_warning(device: Device) -> None:
     """Words that are missing without company are missing on every driver."""

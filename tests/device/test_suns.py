@@ -74,3 +74,26 @@ def test_daylight_gives_the_models_irradiance(device: Device) -> None:
     np.testing.assert_allclose(found, (expected + sun) / np.pi, rtol=3e-3)
     alone = plane_under(device, rt.sun_sky(35.0, 70.0, 4.0, sun=False), 256)
     np.testing.assert_allclose(alone, expected / np.pi, rtol=3e-3)
+
+
+@pytest.mark.parametrize(("elevation", "towards"), [(20.0, (0.0, 0.0, -1.0)), (3.0, (0.7, 0.02, -0.6))])
+def test_the_sky_is_the_models_down_to_its_very_horizon(
+    device: Device, elevation: float, towards: tuple[float, float, float]
+) -> None:
+    """Through exact pixel centres, one of 0.25 degrees each, at the horizon and beside a low sun."""
+    camera = rt.Camera(origin=(0, 0, 0), target=towards, fov=4.0, size=(16, 16))
+    scene = rt.Scene(camera, render={"filter": "centre", "spp": 1, "max_depth": 1})
+    scene.add(rt.sun_sky(elevation, 50.0, 8.0, sun=False), name="day")
+    with rt.Renderer(scene, device) as renderer:
+        found = renderer.render().rgb.astype(float)
+    right, up, forward = map(np.asarray, camera.frame())
+    step = (np.arange(16) - 7.5) * np.tan(np.radians(2)) / 8
+    ways = forward + step[None, :, None] * right - step[:, None, None] * up
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    height, azimuth = np.radians((elevation, 50.0))
+    sun = np.array((np.cos(height) * np.sin(azimuth), np.sin(height), -np.cos(height) * np.cos(azimuth)))
+    gamma = np.arctan2(np.linalg.norm(np.cross(ways, sun), axis=2), ways @ sun)
+    coefficients = sky_coefficients(8.0, (0.3, 0.3, 0.3), height)
+    expected = sky_radiance(coefficients, np.maximum(ways[..., 1], 0.0), gamma) * (ways[..., 1:2] >= 0)
+    assert (expected == 0).any() and (expected > 0).any()
+    np.testing.assert_allclose(found, expected, rtol=2e-5, atol=1e-7)

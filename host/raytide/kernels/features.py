@@ -54,6 +54,7 @@ class Features:
     caustics: bool = False  # integrator path: light that mirrors and clear glass gather is traced so
     sobol: bool = True  # else plain random numbers
     chance_sky: bool = False  # the sky is found by rays that scatter alone, never by shadow rays
+    daylight: bool = False  # the sky follows a formula
     light_tree: bool = False  # lights are picked by a tree of bounds, else by an alias table
     blue_noise: bool = False  # neighbouring pixels share a sequence
     adaptive: bool = False  # tiles have numbers of samples of their own

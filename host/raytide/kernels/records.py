@@ -203,7 +203,7 @@ _TABLE = (
         ("float", "threshold", "", "share of this slot that stays with this light"),
         ("float4", "position", "m", "xyz; w = probability of being picked"),
         ("float4", "direction", "", "unit; way of the light; triangle: normal; sky: w = beyond poles; cast: w = up"),
-        ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity or irradiance; w = bits of a slot"),
+        ("float4", "radiance", "W/(sr m^2), W/sr or W/m^2", "radiance, intensity, irradiance; w: slot, or daylight"),
         ("float4", "extra", "", "spot: zw = cutoff, fade; emitter: two-sided, area, never met, density; cast: xy = up"),
     ),
     _record(

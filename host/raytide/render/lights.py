@@ -211,7 +211,7 @@ def _sky(row: np.ndarray, light: EnvironmentLight | SunSkyLight, flat: FlatScene
     if flat.textures.sky is None or light.kernel != "environment_map":
         return 0.0
     row["prim"] = textures.sky
-    row["radiance"][:3] = light.scale
+    row["radiance"][:3], row["radiance"][3] = light.scale, isinstance(light, SunSkyLight)
     beyond = beyond_poles(light, flat.textures.sky)
     row["direction"][3] = beyond
     for member, axis in zip(("position", "direction", "extra"), matrix_of(light.transform)[:3, :3].T, strict=True):

@@ -33,6 +33,7 @@ from raytide.render.surfaces import has_specular, surface_of, surfaces_of
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
+from raytide.scene.lights import SunSkyLight
 from raytide.scene.material_parts import Body
 from raytide.scene.materials import Blend
 
@@ -118,6 +119,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         photon=render.integrator == "photon" and bool(lights),
         caustics=render.caustics and render.max_depth > 2 and bool(lights - {*WHOLE_SKIES}) and has_specular(flat),
         chance_sky=chance_sky,
+        daylight=any(isinstance(light, SunSkyLight) for light in flat.lights),
         light_tree=light_tree,
         sobol=render.sampler != "random",
         blue_noise=render.sampler == "blue_noise",

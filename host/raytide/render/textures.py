@@ -15,7 +15,7 @@ from raytide.kernels.records import RECORDS
 from raytide.render.sky import sky_shares
 from raytide.scene.flatten import FlatScene
 from raytide.scene.layered import layers_of
-from raytide.scene.lights import EnvironmentLight, Light
+from raytide.scene.lights import EnvironmentLight, Light, SunSkyLight
 from raytide.scene.material_parts import Material
 from raytide.scene.painted import FlatTextures
 from raytide.scene.texture_check import range_of
@@ -72,6 +72,7 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
         skies = [light for light in flat.lights if light.kernel == "environment_map"]
         beyond = beyond_poles(skies[0], textures.sky) if skies else 0.0
         _add_sky(table[-1], textures.sky, words, beyond)
+        words += [light.model().view(np.uint32) for light in skies if isinstance(light, SunSkyLight)]
     used = {flat.material_names.index(name) for thing in flat.objects for name in _layers(flat, thing.material)}
     slots = _slots([flat.materials[i] if i in used else None for i in range(len(flat.materials))], names, materials)
     read = features.textures

@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, model_validator
 
 from raytide.importers.sun_position import sun_position
 from raytide.scene.model import Table
-from raytide.scene.sun_sky import SUN_ANGLE, sky_texels, sun_irradiance
+from raytide.scene.sun_sky import SUN_ANGLE, sky_coefficients, sky_texels, sun_irradiance
 from raytide.scene.transform import Step, matrix_of
 from raytide.scene.values import (
     SMALLEST,
@@ -222,6 +222,14 @@ class SunSkyLight(Light):
         """The sky as a picture of all directions, (h, 2 h, 3) float32."""
         elevation, azimuth = np.radians(self.sun_angles())
         return sky_texels(self.turbidity, self.albedo, elevation, azimuth)
+
+    def model(self) -> np.ndarray:
+        """(33,) float32, as cl/accel/daylight.cl reads it: coefficients by channel, direction of the sun."""
+        elevation, azimuth = np.radians(self.sun_angles())
+        level = math.cos(elevation)
+        towards = (level * math.sin(azimuth), math.sin(elevation), -level * math.cos(azimuth))
+        numbers = sky_coefficients(self.turbidity, self.albedo, elevation).ravel()
+        return np.append(numbers, towards).astype(np.float32)
 
     def parts(self) -> list[Light]:
         """The sky, and the sun unless it is left out."""
