@@ -96,7 +96,8 @@ def joined(camera: object, *materials: object) -> int:
 
 
 def test_what_is_joined_follows_from_lens_and_materials() -> None:
-    pinhole, lens = rt.Camera(origin=(0, 0, 5)), rt.Camera(origin=(0, 0, 5), type="thin_lens", aperture=0.1, focus=5)
+    place = {"origin": (0, 0, 5), "target": (0, 0, 0)}
+    pinhole, lens = rt.Camera(**place), rt.ThinLens(**place, aperture=0.1, focus=5)
     plain = rt.Diffuse(0.5), rt.Mirror(), rt.Dielectric(1.5), rt.RoughConductor("gold", roughness=0.2)
     assert joined(pinhole, *plain) == BOTH and joined(lens, *plain) == JOINS_DIRECTIONS
     lobed = rt.Plastic((0.5, 0.5, 0.5)), rt.Glossy(0.5), rt.Principled((0.5, 0.5, 0.5)), rt.RoughDielectric(1.5)

@@ -194,7 +194,7 @@ def test_writes_of_sums_cost_their_share_with_the_last_one(tmp_path: Path, monke
     def capture(sums: bool) -> Content:
         clock[0] += 0.7 if sums else 0.001
         sizes.append(sums)
-        return Content({"sums_bytes": 3e8}, {})
+        return Content({"spp": 0, "sums_bytes": 3e8}, {})
 
     for seconds in (1, 30, 69, 71, 139, 141, 200, 300, 1000, 10_000):
         keeping = rt.Checkpoints(tmp_path / f"{seconds}.ck")

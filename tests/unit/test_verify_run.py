@@ -102,7 +102,7 @@ def test_worse_arithmetic_reaches_every_divisor_and_no_constant() -> None:
 
 
 def test_worse_arithmetic_reaches_sines_exponentials_and_logarithms() -> None:
-    text = worse("".join((kernel_dir() / "base" / name).read_text() for name in ("math.cl", "special.cl")))
+    text = worse("".join((kernel_dir() / "base" / name).read_text() for name in ("math.cl", "special.cl", "turns.cl")))
     assert "*s = worse_sine(fma_of(x * z, p, x));" in text and "*c = worse_sine(" in text
     assert text.count("const float result = worse_power(") == 2
 

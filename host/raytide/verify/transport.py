@@ -42,7 +42,7 @@ def point_furnace(lab: Lab) -> Iterator[Trial]:
         scene = Scene(camera=INSIDE)
         scene.add(sphere((0, 0, 0), 1.0), rt.Diffuse(0.5), name="ball")
         scene.add(point((0, 0, 0), intensity=np.pi), name="bulb")
-        rgb = lab.render(scene, spp=lab.count(256, 4096), max_depth=64, roulette_start=4).rgb
+        rgb = lab.render(scene, spp=lab.count(4096, 65536), max_depth=64, roulette_start=4).rgb
         return Judged(bounded(np.array([rgb.mean() - 1]), 1e-3), {"mean": f"{rgb.mean():.5f}"})
 
     yield once("", judge)
