@@ -137,9 +137,9 @@ kernel void probe_sampler(const uint count, const uint seed, const uint first_pi
         return;
     }
     const Sampler sampler = sampler_of(seed, first_pixel + i / samples, first_sample + i % samples);
-    const float8 pair = sample_4d_pair(sampler, set, set + 5u);
+    const float8 pair = sample_halves(sampler, (uint4)(set, set, set + 5u, set + 5u), (int4)(0, -1, -1, 0));
     const float4 one = form == 0u ? sample_4d(sampler, set) : (float4)(sample_2d(sampler, set), 0.0f, 0.0f);
-    results[i] = form < 2u ? one : (form == 2u ? pair.lo : pair.hi);
+    results[i] = form < 2u ? one : (form == 2u ? pair.lo : pair.hi.zwxy);
 }
 """
 

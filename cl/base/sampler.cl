@@ -129,16 +129,14 @@ static uint8 times_field8(const uint8 x, const uint8 a, const uint8 b)
     return (x & a) ^ (by_w & b);
 }
 
-// sample_owen_4d of two sets at once, one number a lane, for CPUs whose compiler does not join work-items. The four
-// dimensions are one form here: each stage multiplies by a number a + b w of GF(4) that differs by lane, and the
-// pairs' triangle, which commutes with the stages, comes last.
-static float8 sample_owen_pair(const Sampler s, const uint low_set, const uint high_set)
+// Eight numbers at once, each a dimension (0 to 3) of a set of its own, for CPUs whose compiler does not join
+// work-items. The four dimensions are one form here: each stage multiplies by a number a + b w of GF(4) that differs by
+// dimension, and the pairs' triangle, which commutes with the stages, comes last.
+static float8 sample_owen_8(const Sampler s, const uint8 set, const uint8 dimension)
 {
-    const uint o = 0xffffffffu;
-    const uint8 no_w = (uint8)(0u, o, 0u, o, 0u, o, 0u, o);        // dimensions 1 and 3
-    const uint8 has_w = (uint8)(0u, 0u, o, o, 0u, 0u, o, o);       // dimensions 2 and 3
-    const uint8 one_two = (uint8)(0u, o, o, 0u, 0u, o, o, 0u);      // dimensions 1 and 2
-    const uint8 set = (uint8)(low_set, low_set, low_set, low_set, high_set, high_set, high_set, high_set);
+    const uint8 no_w = 0u - (dimension & 1u);  // dimensions 1 and 3
+    const uint8 has_w = 0u - (dimension >> 1);  // dimensions 2 and 3
+    const uint8 one_two = no_w ^ has_w;
     const uint8 seed = mix_bits8((uint8)(s.seed) + set * 0x9e3779b9u);
     uint8 x = reverse_bits8(scramble8((uint8)(reverse_bits(s.index)), seed));
     // stages: dimension 1 takes 1, 1, 1, 1; dimension 2 takes w, w^2, w, w^2; dimension 3 takes w^2, w, w^2, w
@@ -147,7 +145,7 @@ static float8 sample_owen_pair(const Sampler s, const uint low_set, const uint h
     x ^= times_field8(x >> 8, no_w, has_w) & 0x00ff00ffu;
     x ^= times_field8(x >> 16, one_two, has_w);
     x ^= (x >> 1) & (no_w & 0x55555555u);
-    return scrambled_unit8(x, seed + (uint8)(1u, 2u, 3u, 4u, 1u, 2u, 3u, 4u));
+    return scrambled_unit8(x, seed + 1u + dimension);
 }
 #endif
 
@@ -191,12 +189,32 @@ static float4 sample_4d(const Sampler s, const uint set)
 #endif
 }
 
-// sample_4d of two sets.
-static float8 sample_4d_pair(const Sampler s, const uint low_set, const uint high_set)
+// Dimensions 0 and 1 of a set, or `high`: 2 and 3.
+static float2 sample_half(const Sampler s, const uint set, const int high)
+{
+#if HAS_SOBOL
+    const uint seed = set_seed(s, set);
+    const uint index = shuffled_index(s, seed);
+    if (high) {
+        return (float2)(scrambled_unit(dimension_two(index), seed + 3u),
+                        scrambled_unit(dimension_three(index), seed + 4u));
+    }
+    return (float2)(scrambled_unit(index, seed + 1u), scrambled_unit(dimension_one(index), seed + 2u));
+#else
+    const float4 u = sample_random_4d(s, set);
+    return high ? u.zw : u.xy;
+#endif
+}
+
+// Halves of four sets: s0 and s1 of the first, and so on. high: 0 or -1.
+static float8 sample_halves(const Sampler s, const uint4 set, const int4 high)
 {
 #if HAS_SOBOL && DEVICE_CPU
-    return sample_owen_pair(s, low_set, high_set);
+    const uint4 low = as_uint4(high) & 2u;
+    const uint8 dimension = (uint8)(low.x, low.x + 1u, low.y, low.y + 1u, low.z, low.z + 1u, low.w, low.w + 1u);
+    return sample_owen_8(s, (uint8)(set.xx, set.yy, set.zz, set.ww), dimension);
 #else
-    return (float8)(sample_4d(s, low_set), sample_4d(s, high_set));
+    return (float8)(sample_half(s, set.x, high.x), sample_half(s, set.y, high.y), sample_half(s, set.z, high.z),
+                    sample_half(s, set.w, high.w));
 #endif
 }

@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "base/portable.cl"
+#include "base/light_pair.cl"
 #include "base/vector.cl"
 #include "base/frame.cl"
 #include "base/math.cl"
@@ -107,8 +108,12 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
         const Lights lights = LIGHTS_OF_ARGUMENTS(light_table, settings->light_count);
         const LightPlace anywhere = light_place(xyz(*around), 0u);
         float picked;
-        const uint index = pick_light(lights, anywhere, sample_2d(sampler, SET_EMIT_LIGHT), &picked);
-        LightEmission leaving = light_emit(light_table + index, g, *around, sample_4d(sampler, SET_EMIT));
+        const uint about = pick_light(lights, anywhere, sample_2d(sampler, SET_EMIT_LIGHT), &picked);
+        float4 u = sample_4d(sampler, SET_EMIT);
+        float2 within = u.xy;
+        const uint index = light_of_pair(lights, about, &within);
+        u.xy = within;
+        LightEmission leaving = light_emit(light_table + index, g, *around, u);
 #if HAS_CAUSTICS
         leaving = aimed(light_table + index, g, aims, leaving, *around, sample_4d(sampler, SET_EMIT_AIM));
 #endif

@@ -38,7 +38,7 @@
 #define STATUS_SHADOW 2u  // trace its shadow ray
 #define STATUS_EDGES_SHIFT 8
 
-// Sets of sample dimensions: one for the camera, then two an edge
+// Sets of sample dimensions: one for the camera, then two an edge; what takes which of them: wave/numbers.cl
 #define SET_CAMERA 0u
 #define SET_LIGHT(edge) (2u * (edge) - 1u)
 #define SET_BSDF(edge) (2u * (edge))

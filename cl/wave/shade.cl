@@ -12,6 +12,7 @@
 #include "dispatch/light.cl"
 #include "wave/path.cl"
 #include "wave/fault.cl"
+#include "wave/numbers.cl"
 #include "wave/vertex.cl"
 #include "wave/sky.cl"
 #include "wave/shading.cl"
@@ -93,7 +94,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     const Sampler sampler = sampler_for(s->settings, path.z, path.w);
     uint next = 0u;
 #if HAS_LIGHTS
-    const float8 both = sample_4d_pair(sampler, SET_LIGHT(edge), SET_BSDF(edge));
+    const float8 both = vertex_numbers(sampler, s->settings->joins, edge);
     const float4 u = both.hi;
     const ShadowRay direct =
         sample_direct(s->lights, s->settings, s->g, s->materials, &vertex, both.lo, slot LEFT_NORMALS);
@@ -104,7 +105,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
         next |= STATUS_SHADOW;
     }
 #else
-    const float4 u = sample_4d(sampler, SET_BSDF(edge));
+    const float4 u = onward_numbers(sampler, s->settings->joins, edge);
 #endif
     const NextRay onward = sample_onward(s->settings, &vertex, edge, u);
     if (onward.valid) {

@@ -4,6 +4,7 @@
 #include "base/special.cl"
 #include "base/vector.cl"
 #include "base/frame.cl"
+#include "base/light_pair.cl"
 #include "base/mis.cl"
 #include "base/sampler.cl"
 #include "accel/geometry.cl"
@@ -290,8 +291,9 @@ static ShadowRay sample_direct(const Lights lights, global const Settings *setti
     }
     float pick_pdf;
     const LightPlace place = light_place_of(v, slot LEFT_NORMALS);
-    const uint index = pick_light(lights, place, u.zw, &pick_pdf);
-    const LightSample light = light_sample(lights.table + index, g, v->surface.p, u.xy);
+    float2 within = u.xy;
+    const uint index = light_of_pair(lights, pick_light(lights, place, u.zw, &pick_pdf), &within);
+    const LightSample light = light_sample(lights.table + index, g, v->surface.p, within);
     const float3 wi = normalize3(light.to);
     const float3 wi_local = to_local(v->frame, wi);
     const float pdf = light.pdf * pick_pdf;

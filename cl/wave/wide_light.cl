@@ -1,5 +1,6 @@
 #pragma OPENCL FP_CONTRACT OFF
 // Lights of eight vertices at once, and the rays that leave these. Included by wave/wide_shade.cl.
+#include "base/light_pair.cl"
 #include "base/wide.cl"
 #include "accel/wide_surface.cl"
 #include "dispatch/light.cl"
@@ -11,11 +12,11 @@
 #if HAS_LIGHTS
 #if HAS_LIGHT_TREE
 // pick_light, a lane at a time.
-static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 u, const uint8 slot,
+static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 *u, const uint8 slot,
                            float8 *probability LEFT_NORMALS_ARGUMENT)
 {
     const Vertices8 all = *v;
-    const Rows8 numbers = u;
+    const Rows8 numbers = *u;
     uint8 out = (uint8)(0u);
     for (uint rest = v->lanes; rest != 0u; rest &= rest - 1u) {
         const uint k = ctz_of(rest);
@@ -31,18 +32,49 @@ static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 
     return out;
 }
 #else
-// pick_light, by the alias table.
-static uint8 picked_lights(const Lights lights, const Vertices8 *v, const Rows8 u, const uint8 slot,
+#if HAS_EMITTER
+// light_of_pair, where the light `picked` is an emitter whose words are `words`.
+static uint8 lights_of_pairs(const uint8 picked, const int8 emits, const Rows8 words, Rows8 *u)
+{
+    const uint8 first = as_uint8(words.x);
+    const int8 paired = emits & (first != 0u);
+    const float8 rest_x = 1.0f - u->x;
+    const float8 rest_y = 1.0f - u->y;
+    const int8 beyond = u->y > rest_x;
+    const float8 x = beyond ? rest_x : u->x;
+    const float8 y = beyond ? rest_y : u->y;
+    const uint8 corners = as_uint8(words.z);
+    const uint8 corner = beyond ? corners >> 2 : corners & 3u;
+    const float8 rest = 1.0f - x - y;  // from here on numbers_of_weights
+    const float8 second = corner == 0u ? x : (corner == 1u ? rest : y);
+    const float8 third = corner == 0u ? y : (corner == 1u ? x : rest);
+    const float8 sum = second + third;
+    const int8 above = third > second;
+    u->x = paired ? (above ? 2.0f * second : sum) : u->x;
+    u->y = paired ? (above ? sum : 2.0f * third) : u->y;
+    return paired ? (beyond ? as_uint8(words.y) : first - 1u) : picked;
+}
+#endif
+
+// pick_light by the alias table, then light_of_pair, which changes the first two numbers of `u`.
+static uint8 picked_lights(const Lights lights, const Vertices8 *v, Rows8 *numbers, const uint8 slot,
                            float8 *probability)
 {
+    const Rows8 u = *numbers;
     const ulong8 bits = ulong8_of(uint8_of(u.z * 16777216.0f)) << 16 | ulong8_of(uint8_of(u.w * 65536.0f));
     const ulong8 place = bits * lights.count;
     const uint8 row = low_bits8(place >> 40);
     const float8 share = float8_of(as_int8(low_bits8(place >> 16) & 0xffffffu)) * 5.9604644775390625e-8f;  // 2^-24
     const Rows8 head = rows_at((global const float4 *)lights.table, row * LIGHT_ROWS);
     const uint8 picked = share < head.w ? row : as_uint8(head.z);
-    *probability = rows_at((global const float4 *)&lights.table->position, picked * LIGHT_ROWS).w;
+    const Rows8 words = rows_at((global const float4 *)&lights.table->position, picked * LIGHT_ROWS);
+    *probability = words.w;
+#if HAS_EMITTER
+    const uint8 kind = as_uint8(rows_at((global const float4 *)lights.table, picked * LIGHT_ROWS).x);
+    return lights_of_pairs(picked, kind == LIGHT_EMITTER, words, numbers);
+#else
     return picked;
+#endif
 }
 #endif
 
@@ -94,11 +126,12 @@ static LightSamples8 further_lights(global const Light *table, const Geometry g,
 }
 
 // What sample_direct asks of lights: one for each vertex, and a point of it.
-static LightSamples8 sampled_lights(const Lights lights, const Geometry g, const Vertices8 *v, const Rows8 u,
+static LightSamples8 sampled_lights(const Lights lights, const Geometry g, const Vertices8 *v, const Rows8 numbers,
                                     const uint8 slot LEFT_NORMALS_ARGUMENT)
 {
     float8 probability;
-    const uint8 light = picked_lights(lights, v, u, slot, &probability LEFT_NORMALS);
+    Rows8 u = numbers;
+    const uint8 light = picked_lights(lights, v, &u, slot, &probability LEFT_NORMALS);
     LightSamples8 out;
 #if HAS_EMITTER
     const Rows8 head = rows_at((global const float4 *)lights.table, light * LIGHT_ROWS);

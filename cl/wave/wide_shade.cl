@@ -4,6 +4,7 @@
 #include "base/portable.cl"
 #include "base/wide.cl"
 #include "base/wide_sampler.cl"
+#include "wave/numbers.cl"
 #include "wave/path.cl"
 #include "wave/shading.cl"
 #include "wave/vertex.cl"
@@ -155,12 +156,14 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     }
     v.lanes = scattering;
     const Sampler8 sampler = samplers_for(s->settings, as_uint8(path.z), as_uint8(path.w));
+    const uint joins = s->settings->joins;
     uint asking = 0u;
 #if HAS_LIGHTS
-    asking = direct_of(s->lights, s->g, s->materials, &v, sample_4d_of8(sampler, SET_LIGHT(edge)), slot, prim, sample,
-                       s->shadow_rays, s->shadow_light LEFT_NORMALS);
+    asking = direct_of(s->lights, s->g, s->materials, &v, light_numbers8(sampler, joins, edge, s->lights.count > 1u),
+                       slot, prim, sample, s->shadow_rays, s->shadow_light LEFT_NORMALS);
 #endif
-    const uint living = onward_of(s, &v, slot, prim, path, sample_4d_of8(sampler, SET_BSDF(edge)) CAUSTICS);
+    const int lobes = s->settings->roulette_start != 0u || other_lanes(v.kind, v.lanes) != 0u;
+    const uint living = onward_of(s, &v, slot, prim, path, onward_numbers8(sampler, joins, edge, lobes) CAUSTICS);
     const uint8 bit = (uint8)(1u, 2u, 4u, 8u, 16u, 32u, 64u, 128u);
     const uint8 next = ((living & bit) != 0u ? (uint8)(STATUS_ALIVE) : (uint8)(0u)) |
                        ((asking & bit) != 0u ? (uint8)(STATUS_SHADOW) : (uint8)(0u)) | edge << STATUS_EDGES_SHIFT;

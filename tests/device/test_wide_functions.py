@@ -62,6 +62,10 @@ CASES = {
         "sample_4d_of8(samplers_for(settings, N, M), L)",
         "sample_4d(sampler_for(settings, n, m), l)",
     ),
+    "sample_half": (
+        "halves_of(sample_half_of8(samplers_for(settings, N, M), L, (L & 8u) != 0u))",
+        "(float4)(sample_half(sampler_for(settings, n, m), l, l & 8u), 0.0f, 0.0f)",
+    ),
 }
 
 KERNEL = """
@@ -76,6 +80,11 @@ KERNEL = """
 #include "accel/triangle.cl"
 #include "accel/spawn.cl"
 #include "accel/wide_surface.cl"
+static Rows8 halves_of(const Half8 half8)
+{
+    const float8 zero = (float8)(0.0f);
+    return rows8(vector8(half8.x, half8.y, zero), zero);
+}
 static Rows8 turned8(const Rows8 a)
 {
     float8 s, c;

@@ -123,6 +123,16 @@ def test_renders_of_other_scenes_settings_and_kernels_are_refused_other_devices_
         assert "a GPU" in caplog.text and same(renderer.film, whole)
 
 
+def test_the_first_generation_of_a_render_that_goes_on_holds_what_there_is(device: Device, tmp_path: Path) -> None:
+    path = tmp_path / "b.ck"
+    with rt.Renderer(scene(), device) as renderer:
+        renderer.render(4)
+        for _ in renderer.passes(64, checkpoints=rt.Checkpoints(path, every=3600)):
+            break  # as if killed before the second generation
+        content = checkpoint_file.read(path)[0]
+    assert content.facts["spp"] == 4 and content.arrays
+
+
 def test_an_unfinished_render_or_a_foreign_file_is_never_written_over(device: Device, tmp_path: Path) -> None:
     path = tmp_path / "a.ck"
     with rt.Renderer(scene(), device) as renderer:

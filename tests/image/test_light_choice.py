@@ -66,3 +66,37 @@ def test_shadow_rays_alone_find_the_same_light(device: Device) -> None:
             means[choice] = film.rgb.astype(float).mean(axis=(0, 1)), film.error.rough_variance.mean(axis=(0, 1)) / 960
     off = means["tree"][0] - means["uniform"][0]
     assert (np.abs(off) < 4 * np.sqrt(means["tree"][1] + means["uniform"][1])).all()
+
+
+def lamp_and_post(lamp: object, **settings: object) -> rt.Scene:
+    """A floor and what throws a shadow on it, lit by one lamp alone."""
+    camera = rt.Camera(origin=(0, 4, 6), target=(0, 0.3, 0), fov=34, size=(32, 16))
+    scene = rt.Scene(camera=camera, render={"spp": 64, "max_depth": 2, **settings})
+    scene.add(rt.plane(), rt.Diffuse(0.6), name="floor")
+    scene.add(rt.box((-0.3, 0, -0.3), (0.3, 0.8, 0.3)), rt.Diffuse(0.5), name="post")
+    scene.add(lamp, rt.Emit((7.0, 6.0, 5.0)), name="lamp")
+    return scene
+
+
+def test_two_triangles_shine_as_the_rectangle_that_they_make_up_and_with_no_more_noise(device: Device) -> None:
+    """As triangles apart, which the tree picks, they shine the same with at least a quarter more variance."""
+    corners = np.array(((-0.5, 3, -1), (1.5, 3, -1), (1.5, 3, 1), (-0.5, 3, 1)))
+    mesh = rt.mesh(vertices=corners, faces=[(0, 1, 2), (0, 2, 3)])  # looks down
+    ways = {
+        "rectangle": lamp_and_post(rt.rect((0.5, 3, 0), (1, 0, 0), (0, 0, 1))),
+        "pair": lamp_and_post(mesh),
+        "apart": lamp_and_post(mesh, light_choice="tree"),
+    }
+    means, variances = {}, {}
+    for name, scene in ways.items():
+        with rt.Renderer(scene, device) as renderer:
+            pictures = []
+            for seed in range(3):
+                renderer.restart(seed=seed)
+                pictures.append(renderer.render().rgb.astype(float))
+        means[name], variances[name] = np.mean(pictures, axis=0), np.var(pictures, axis=0, ddof=1)
+    for name in ("pair", "apart"):
+        error = np.sqrt((variances[name] + variances["rectangle"]).mean(axis=(0, 1)) / (3 * 512))
+        assert (np.abs((means[name] - means["rectangle"]).mean(axis=(0, 1))) < 4 * error).all(), name
+    assert variances["pair"].mean() < 1.15 * variances["rectangle"].mean()
+    assert variances["pair"].mean() < 0.8 * variances["apart"].mean()

@@ -82,3 +82,15 @@ def test_without_noise_there_is_no_error_and_below_16_samples_no_answer() -> Non
     found = tile_errors(zero + 1, zero, zero, 64)
     assert found and found.relmse.shape == (3, 2) and not found.high.any() and np.isfinite(found.low).all()
     assert tile_errors(zero + 1, zero, zero, 15) is None
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e12])
+def test_errors_do_not_hang_on_the_unit_of_radiance(scale: float) -> None:
+    noise, now, before = (part.astype(np.float32) for part in drawn(np.random.default_rng(5), 1.0, 64))
+    y, unit = ground(False).astype(np.float32), np.float32(scale)
+    one = tile_errors(y + noise, now, before, 64)
+    with np.errstate(all="raise", under="ignore"):
+        other = tile_errors((y + noise) * unit, now * unit * unit, before * unit * unit, 64)
+    assert one is not None and other is not None
+    for name in ("relmse", "low", "high"):
+        assert np.allclose(getattr(one, name), getattr(other, name), rtol=1e-3), name

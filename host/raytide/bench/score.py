@@ -54,15 +54,15 @@ def visit_scores(workloads: list[dict[str, Any]], rates: dict[str, float]) -> li
 
 def interval(value: float | None, visits: list[float] | None, spreads: list[float | None]) -> list[float] | None:
     """Where another run may end, 95 %, as far as this one can tell: the standard error of the mean of its visits'
-    scores (Student's t), and the noise of the medians, which are independent, whichever is more. Visits of one run
-    are nearer to each other in time than runs are."""
+    scores (Student's t), and the noise of the medians, which are independent, whichever is more; times the root of 2,
+    for the other run errs as well. Visits of one run are nearer to each other in time than runs are."""
     known = [one for one in spreads if one is not None]
     if value is None or not visits or len(known) < len(spreads):
         return None
     noise = 1.96 * sum(one**2 for one in known) ** 0.5 / len(known)
     logs = [math.log(one) for one in visits]
     apart = STUDENT[len(logs)] * statistics.stdev(logs) / len(logs) ** 0.5
-    half = max(noise, apart)
+    half = max(noise, apart) * 2**0.5
     return [value * math.exp(-half), value * math.exp(half)]
 
 

@@ -32,6 +32,7 @@ FAULT_COUNTERS = len(FAULTS) * len(HEALTH) * EDGE_BINS
 
 SLOT_NORMALS, SLOT_HEIGHTS, SLOT_OPACITY = 4, 5, 6  # widths of slots that are no parameter: maps of relief, opacity
 WRAPS = ("repeat", "mirror", "clamp")  # what textures do beyond the unit square; numbers are places
+JOINS_FILM, JOINS_DIRECTIONS = 1, 2  # bits of what shares a set of sample dimensions (cl/wave/numbers.cl)
 RAY_KINDS = ("camera", "shadow", "indirect")  # what a ray is traced for
 HIDDEN = 1 << 29  # the bits from here on in an object's number: the kinds of ray that do not meet it, in that order
 OBJECT = HIDDEN - 1
@@ -63,6 +64,8 @@ _UNSIGNED = {
     "MATERIAL_SEE_THROUGH": SEE_THROUGH,
     "MATERIAL_SCATTERS": SCATTERS,
     "MOST_MEDIA": MOST_MEDIA,
+    "JOINS_FILM": JOINS_FILM,
+    "JOINS_DIRECTIONS": JOINS_DIRECTIONS,
     "MATERIAL_RANK_SHIFT": RANK_SHIFT,
     "OBJECT_MASK": OBJECT,
     **{f"HIDDEN_FROM_{kind.upper()}": HIDDEN << place for place, kind in enumerate(RAY_KINDS)},

@@ -281,7 +281,7 @@ _TABLE = (
         ("uint", "sun_count", "", "lights that are disks at infinity; they come first"),
         ("uint", "first_medium", "", "of `media`, the one of the highest rank"),
         ("float", "camera_density", "1/sr or 1/m^2", "of camera rays at distance 1, to paths of light; caustics"),
-        ("uint", "pad", "", "zero"),
+        ("uint", "joins", "", "JOINS_*: what shares a set of sample dimensions (cl/wave/numbers.cl)"),
         ("uint4", "media", "", "clear bodies around the camera: two a word, number of the material plus one"),
     ),
 )

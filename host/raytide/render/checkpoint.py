@@ -65,17 +65,18 @@ class Checkpoints:
         self._sums_s = 0.0  # what a write of them costs: a guess until there was one
 
     def begin(self, capture: Capture) -> None:
-        """The first generation, before any work is spent: there is nothing to keep yet, but it tells whether that could
-        be. Raises UsageError where it cannot be written, or would replace a render that is not finished, or a file that
-        is no checkpoint, or where the disk has no room for the sums."""
+        """The first generation, before any work is spent: of a render that begins there are no sums to keep yet, but it
+        tells whether that could be. Raises UsageError where it cannot be written, or would replace a render that is not
+        finished, or a file that is no checkpoint, or where the disk has no room for the sums."""
         self._begun = time.monotonic()
         checkpoint_file.clear_away(self.path)
-        needed = int(capture(False).facts["sums_bytes"])
+        facts = capture(False).facts
+        needed = int(facts["sums_bytes"])
         self._sums_s = needed / SLOW_DISK
         if not self.goes_on:
             self._check_free()
             self._check_room(needed)
-            self.write(capture, sums=False)
+            self.write(capture, sums=facts["spp"] > 0)
             if self.failed:
                 raise UsageError(f"{self.failed}; nothing was rendered")
         self.goes_on = True

@@ -14,6 +14,7 @@ import numpy as np
 from raytide.accel import FlatGeometry
 from raytide.kernels.features import kind_number
 from raytide.kernels.records import NONE, RECORDS
+from raytide.render.light_pairs import pair_lights, shared_by_pairs
 from raytide.render.light_tree import FEW, LEAF, TWO_SIDED, build_light_tree, has_place, light_bounds
 from raytide.render.sky import patch_light
 from raytide.render.textures import PackedTextures, beyond_poles, sky_radiance
@@ -91,7 +92,7 @@ def pack_lights(
     parts = [declared]
     importance = [np.asarray(weights, float)]
     intensity = [(declared["radiance"][:, :3] * shown) @ _LUMINANCE]
-    count = len(declared)
+    count, pairs = len(declared), []
     for index, thing in enumerate(flat.objects):
         material = flat.materials[thing.material]
         if material.type != "emissive" or not thing.visible_to:
@@ -100,6 +101,7 @@ def pack_lights(
         prims, areas, centers, normals = _primitives(flat, geometry, index, planes_first)
         rows = _emitters(prims, areas, normals, radiance)
         rows["extra"][:, 2] = "indirect" not in thing.visible_to
+        pairs.append((count, prims if thing.shape < 0 else prims[:0]))
         objects[index]["light"] = count
         mean = _texture(rows, material, thing.material, textures)
         distance2 = np.sum((centers - (target - origin)) ** 2, axis=1)
@@ -115,6 +117,7 @@ def pack_lights(
         return PackedLights(lights, environment, _light_tree(lights, geometry, weight, shine, picked))
     if choice == "uniform":
         weight, group = np.ones(count), np.arange(count)
+    pair_lights(lights, geometry, pairs)
     if count:
         alias_table(lights, weight, group)
     return PackedLights(lights, environment, np.zeros(0, RECORDS["LightNode"].dtype))
@@ -308,4 +311,4 @@ def alias_table(lights: np.ndarray, importance: np.ndarray, groups: np.ndarray) 
     kept = lights["threshold"].astype(float)
     probability = kept / n
     np.add.at(probability, alias, (1 - kept) / n)
-    lights["position"][:, 3] = probability
+    lights["position"][:, 3] = shared_by_pairs(lights, probability)

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from raytide.errors import SceneError, UsageError
+from raytide.kernels.constants import JOINS_DIRECTIONS, JOINS_FILM
 from raytide.kernels.records import RECORDS
+from raytide.render.light_pairs import is_one_pair
 from raytide.render.light_paths import check_light_paths
 from raytide.render.lights import left_to_scattering, shadows_alone
 from raytide.render.pack import PackedScene, film_area
 from raytide.render.schedule import tiles_across
+from raytide.render.surfaces import surfaces_of
 from raytide.scene.check import crop_problem
 from raytide.scene.flatten import FlatScene
 
@@ -46,6 +49,13 @@ def _block_bits(spp: int) -> int:
     return min((max(spp - 1, 1).bit_length() + 1) // 2 * 2, 20)
 
 
+def _joins(flat: FlatScene) -> int:
+    """What shares a set of sample dimensions."""
+    shown = {i for thing in flat.objects if thing.visible_to for i in surfaces_of(flat, thing.material)}
+    lobes = any(flat.materials[i].has_lobes for i in shown)
+    return (0 if flat.camera.type == "thin_lens" else JOINS_FILM) | (0 if lobes else JOINS_DIRECTIONS)
+
+
 def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     """The Settings record of a render."""
     row = np.zeros(1, RECORDS["Settings"].dtype)
@@ -57,7 +67,9 @@ def settings_record(flat: FlatScene, packed: PackedScene) -> np.ndarray:
     row["max_depth"] = 1 if render.integrator == "photon" else render.max_depth  # of paths from the camera
     row["roulette_start"], row["reflection_depth"] = render.roulette_start, render.reflection_depth
     sky_alone = len(packed.lights) == 1 and left_to_scattering(flat)
-    row["light_count"], row["environment"] = 0 if sky_alone else len(packed.lights), packed.environment
+    picked = 0 if sky_alone else 1 if is_one_pair(packed.lights) else len(packed.lights)
+    row["light_count"], row["environment"] = picked, packed.environment
+    row["joins"] = _joins(flat)
     row["filter_radius"] = render.width / 2
     if packed.sending is not None:
         row["camera_density"] = 1.0 / (film_area(packed.camera) * width * height)

@@ -74,7 +74,7 @@ def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> E
         weight += darkest
         np.divide(np.float32(1.0), weight, out=weight)
         own = weight[above : len(weight) - below]
-        q, q_before = _weighted(now[span], own), _weighted(before[span], own)
+        q, q_before = (_weighted(one[span], own, 1.0 / scale) for one in (now, before))
         total[row], earlier[row], squares[row] = (_along(one.sum(axis=0), 1) for one in (q, q_before, q * q))
         absolute[row] = sum(_along(now[span, :, channel].sum(axis=0), 1) for channel in range(CHANNELS))
         seen[row] = np.inf
@@ -82,7 +82,7 @@ def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> E
             seen[row] = np.minimum(seen[row], _along(sums, CHANNELS))
         listed.append(np.stack((q.ravel()[row % every :: every], q_before.ravel()[row % every :: every])))
     by_pixel = np.concatenate(listed, axis=1)
-    relative = CHANNELS * scale**2 * pixels  # Q are not relative to the mean yet
+    relative = CHANNELS * pixels
     return Evidence(
         by_pixel=(by_pixel[0], by_pixel[1]),
         now=total / relative,
@@ -90,7 +90,7 @@ def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> E
         absolute=absolute / (CHANNELS * pixels),
         flat=total / relative * factor(1.0, spp),
         seen=seen / (CHANNELS * pixels),
-        rulers=np.maximum(total**2 / np.maximum(squares, 1e-300), 1.0),
+        rulers=np.clip(total**2 / np.maximum(squares, 1e-300), 1.0, pixels),
         pixels=pixels,
     )
 
@@ -103,11 +103,13 @@ def _with_neighbours(mean: np.ndarray, span: slice, scale: float) -> tuple[np.nd
     return (rows.reshape(len(rows), -1) * (1.0 / scale)).astype(np.float32, copy=False), above, below
 
 
-def _weighted(squares: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Sums over channels of `squares` (rows, w, 3) by `weight` (rows, 3 w): (rows, w) float32."""
+def _weighted(squares: np.ndarray, weight: np.ndarray, unit: float) -> np.ndarray:
+    """Sums over channels of `squares` (rows, w, 3) by `weight` (rows, 3 w) and unit^2: (rows, w) float32."""
     found = squares[..., 0] * weight[:, 0::CHANNELS]
     for channel in range(1, CHANNELS):
         found += squares[..., channel] * weight[:, channel::CHANNELS]
+    found *= unit  # twice: its square may be beyond float32
+    found *= unit
     return found.astype(np.float32, copy=False)
 
 

@@ -26,6 +26,7 @@ class Material(Table):
     PARAMETERS: ClassVar[tuple[tuple[str, int], ...]] = ()
     SHARED: ClassVar[tuple[tuple[str, int], ...]] = ()  # keys that stand for several parameters, and their widths
     PLAIN: ClassVar[tuple[str, ...]] = ()  # keys that take no texture: the host derives further parameters from them
+    LOBED: ClassVar[bool] = True  # has_lobes; at worst this costs some variance
     RELIEF: ClassVar[tuple[str, ...]] = ("normal_map", "bump_map")
     type: str
     two_sided: Flag = key(True, doc="whether the back is like the front; else it is black (clear materials have both)")
@@ -55,6 +56,11 @@ class Material(Table):
     def is_specular(self) -> bool:
         """Whether it may scatter light into single directions (flag BSDF_DELTA of the kernels)."""
         return False
+
+    @property
+    def has_lobes(self) -> bool:
+        """Whether it chooses between lobes, each of which then takes a direction from the same numbers."""
+        return self.LOBED or "compensation" in self.model_fields_set
 
     def switches(self) -> frozenset[str]:
         """Names in SWITCHES that this table turns on, by the keys that it gives, never by their values."""

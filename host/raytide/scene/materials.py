@@ -24,6 +24,7 @@ class Emissive(Material):
 
     PARAMETERS = (("radiance", 3), ("two_sided", 1))
     FIRST: ClassVar[str] = "radiance"
+    LOBED: ClassVar[bool] = False
     type: Literal["emissive"] = "emissive"
     radiance: Emission = key(unit="W/(sr m^2)", doc="radiance, the same in all directions")
     scale: Number = key(1.0, low=0, doc="factor on the radiance")
@@ -50,6 +51,7 @@ class Diffuse(Material):
 
     PARAMETERS = (("reflectance", 3),)
     FIRST: ClassVar[str] = "reflectance"
+    LOBED: ClassVar[bool] = False
     type: Literal["diffuse"] = "diffuse"
     reflectance: Reflectance = key((0.5, 0.5, 0.5), doc="share of light that is reflected")
 
@@ -59,6 +61,7 @@ class Mirror(Material):
 
     PARAMETERS = (("reflectance", 3),)
     FIRST: ClassVar[str] = "reflectance"
+    LOBED: ClassVar[bool] = False
     type: Literal["mirror"] = "mirror"
     reflectance: Reflectance = key((1.0, 1.0, 1.0), doc="share of light that is reflected")
 
@@ -87,6 +90,7 @@ class Conductor(Metal):
     """A smooth metal: a preset, or eta and k."""
 
     PARAMETERS = (("eta", 3), ("k", 3), ("specular_reflectance", 3))
+    LOBED: ClassVar[bool] = False
     type: Literal["conductor"] = "conductor"
 
     @property
@@ -102,6 +106,7 @@ class RoughConductor(Metal, StretchedFacets):
         ("lost0", 4), ("lost4", 4), ("lost8", 4), ("lost_mean", 1), ("further", 3),
     )  # fmt: skip
     FIRST: ClassVar[str] = "preset"
+    LOBED: ClassVar[bool] = False
     type: Literal["rough_conductor"] = "rough_conductor"
     compensation: Flag = key(False, doc="whether light that meets further facets is given back, as a diffuse lobe")
 
@@ -137,6 +142,7 @@ class Dielectric(Body):
     """A smooth boundary to glass, water, ...: reflects and refracts. The normal points out of the material."""
 
     PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
+    LOBED: ClassVar[bool] = False
     type: Literal["dielectric"] = "dielectric"
 
     @property
@@ -167,6 +173,7 @@ class ThinDielectric(Boundary):
     """A thin pane: reflects, and lets the rest go straight on."""
 
     PARAMETERS = (("ior", 1), ("specular_reflectance", 3), ("specular_transmittance", 3))
+    LOBED: ClassVar[bool] = False
     type: Literal["thin_dielectric"] = "thin_dielectric"
 
     @property
@@ -298,6 +305,7 @@ class ThinFilm(Material):
     PARAMETERS = (("eta", 3), ("k", 3), ("film_ior", 1), ("thickness", 1), ("ior", 1))
     FIRST: ClassVar[str] = "thickness"
     PLAIN: ClassVar[tuple[str, ...]] = ("ior",)
+    LOBED: ClassVar[bool] = False
     type: Literal["thin_film"] = "thin_film"
     thickness: Number = key(400.0, low=0, high=2000, unit="nm", doc="of the film")
     film_ior: Number = key(1.33, low=1, high=10, doc="index of refraction of the film")
