@@ -24,6 +24,7 @@ def full(**camera: object) -> rt.Scene:
     scene.render = rt.RenderSettings(max_depth=7, spp=64, roulette_start=3)
     scene.add(rt.rect((0, 0, 0), u=(0, 0, 2), v=(2, 0, 0)), rt.Diffuse((0.6, 0.5, 0.4)), name="floor")
     scene.add(rt.sphere((-0.5, 0.45, 0.3), 0.4), rt.Dielectric(1.5, absorption=(1.0, 0.5, 0.2)), name="glass")
+    scene.add(rt.sphere((-0.4, 0.95, 0.05), 0.15), rt.Dielectric(1.5), name="bead, before the glass as a lamp sees it")
     scene.add(rt.rect((1.2, 0.5, 0), u=(0, 0, 0.8), v=(-0.1, 0.5, 0)), rt.Mirror((0.9, 0.8, 0.7)), name="mirror")
     scene.add(rt.box((0.2, 0, -0.8), (0.7, 0.5, -0.3)), rt.Plastic((0.2, 0.4, 0.6)), name="block")
     scene.add(rt.disk((0.3, 0.6, 0.6), radius=0.3), rt.Diffuse(0.7, opacity=0.5), name="sheet")
