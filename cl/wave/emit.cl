@@ -78,7 +78,8 @@ static LightEmission aimed(global const Light *l, const Geometry g, global const
 
 // Fills `count` free slots with light that leaves the lights (integrator photon), one path for each pixel and sample of
 // the chunk, cut as `primary` does: its numbers are those of that pixel and sample, but where it goes has nothing to do
-// with them. throughput.xyz: what it carries [W] over its density. Race rule: every item owns its slot.
+// with them. throughput.xyz: what it carries [W] over its density; paths.x: its way so far (bits; `weakened` of
+// wave/connect.cl). Race rule: every item owns its slot.
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARGUMENTS, global const Settings *settings,
                  global const float4 *around, global const uint *queue, const uint queue_first, const uint first_item,
@@ -130,7 +131,7 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
 #endif
     rays[slot] = ray;
     throughput[slot] = state;
-    paths[slot] = (uint4)(item, 1u | PATH_DELTA, pixel, sample);
+    paths[slot] = (uint4)(0u, 1u | PATH_DELTA, pixel, sample);
 #if HAS_OPACITY
     scatterings[slot] = make4(xyz(ray.origin), float_of(0u));
 #endif
