@@ -57,11 +57,13 @@ static LightEmission before(global const float4 *aims, const LightEmission leavi
     return out;
 }
 
+static int is_afar(global const Light *l) { return l->kind == LIGHT_SUN || l->kind == LIGHT_DIRECTIONAL; }
+
 // Light on its way to what reflects or refracts it to single directions; u.x picks a sphere around such things.
 static LightEmission aimed(global const Light *l, const Geometry g, global const float4 *aims,
                            const LightEmission leaving, const float4 around, const float4 u)
 {
-    const int afar = l->kind == LIGHT_SUN || l->kind == LIGHT_DIRECTIONAL;
+    const int afar = is_afar(l);
     const float caps = afar ? aims[0].y : caps_seen(aims, leaving.origin);
     if (!(afar ? disks_used(aims) : caps_used(caps))) {
         return leaving;
@@ -73,6 +75,22 @@ static LightEmission aimed(global const Light *l, const Geometry g, global const
     }
     return afar ? before(aims, leaving, around, aims[place], u.yz)
                 : towards(l, g, aims, leaving, aims[place], caps, u.yz);
+}
+#endif
+
+#if HAS_CAUSTICS && HAS_PLANE
+// Whether light from afar that starts at `origin` would have had to cross an infinite plane on its way there.
+static int crossed_plane(const Geometry g, const float3 origin, const float3 direction)
+{
+    for (uint i = 0u; i < g.plane_count; i++) {
+        const float3 normal = xyz(g.shapes[i].w);
+        const float height = dot3(normal, origin - xyz(g.shapes[i].center));
+        const float away = dot3(normal, direction);
+        if (!is_hidden(g, g.shapes[i].object) && (height > 0.0f ? away > 0.0f : height < 0.0f && away < 0.0f)) {
+            return 1;
+        }
+    }
+    return 0;
 }
 #endif
 
@@ -117,6 +135,11 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
         LightEmission leaving = light_emit(light_table + index, g, *around, u);
 #if HAS_CAUSTICS
         leaving = aimed(light_table + index, g, aims, leaving, *around, sample_4d(sampler, SET_EMIT_AIM));
+#endif
+#if HAS_CAUSTICS && HAS_PLANE
+        if (is_afar(light_table + index) && crossed_plane(g, leaving.origin, leaving.direction)) {
+            leaving.power = (float3)(0.0f);
+        }
 #endif
         const float3 power = picked > 0.0f ? leaving.power * (1.0f / picked) : (float3)(0.0f);
         ray.origin = make4(leaving.origin, float_of(leaving.prim));

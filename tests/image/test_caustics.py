@@ -234,6 +234,21 @@ def test_endless_mirrors_under_endless_light_are_refused_and_endless_floors_are_
     scene.add(rt.plane(), rt.Diffuse(0.5), name="ground")
     scene.add(rt.directional((0, -1, 0), 1.0), name="sun")
     with_settings(scene.flatten(), {"caustics": True})
-    scene["ground"].material = rt.Mirror()
-    with pytest.raises(SceneError, match="infinite plane"):
-        with_settings(scene.flatten(), {"caustics": True})
+    for material, words in ((rt.Mirror(), "infinite plane under"), (rt.Diffuse(0.5, opacity=0.5), "with an opacity")):
+        scene["ground"].material = material
+        with pytest.raises(SceneError, match=words):
+            with_settings(scene.flatten(), {"caustics": True})
+
+
+@pytest.mark.parametrize("angle", [None, 20.0])
+def test_light_from_afar_comes_through_no_plane_and_none_behind_stops_it(device: Device, angle: float | None) -> None:
+    def made(height: float) -> np.ndarray:
+        scene = mirrored()
+        scene.add(rt.directional((-1, -0.4, 0.1), 1.0, angle=angle), name="sun")  # its disk reaches far below the floor
+        scene.add(rt.plane((0, height, 0)), rt.Diffuse(0.0), name="plane")
+        return pictures(device, scene, 1, caustics=True, spp=16)[0]
+
+    assert not made(20.0).any()
+    ground, far_below = made(-0.01), made(-1000.0)
+    assert ground.mean() > 0.1
+    assert np.array_equal(ground, far_below)
