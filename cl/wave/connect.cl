@@ -42,11 +42,25 @@ static int hidden_from_camera(global const Object *object)
 #endif
 }
 
+#if HAS_ABSORPTION
+// Paths from the camera weaken light by the side on which they left the last absorbing surface, and no lamp knows what is
+// around it. So light is weakened where it meets such a surface, by the side that it comes from, over all of its way
+// since the last one, `length`. Gives what of that way counts for the next one, as paths.x holds it.
+static uint weakened(global const Material *materials, PathVertex *v, const float length)
+{
+    if (!(material_of(v)->flags & MATERIAL_ABSORBS)) {
+        return bits_of(length);
+    }
+    const uint inside = v->wo.z < 0.0f ? v->number + 1u : 0u;
+    v->state = make4(xyz(v->state) * absorbed(materials, inside, length), v->state.w);
+    return bits_of(0.0f);
+}
+#endif
+
 // Shadow ray from the vertex to the camera, with what the pixel `pixel` gains if nothing is in the way. `hidden`: the
 // camera looks through the vertex.
 static ShadowRay sample_camera(global const Camera *camera, global const Settings *settings,
-                               global const Material *materials, const PathVertex *v, const int hidden, const float2 u,
-                               uint *pixel)
+                               const PathVertex *v, const int hidden, const float2 u, uint *pixel)
 {
     ShadowRay out;
     out.valid = 0;
@@ -63,9 +77,6 @@ static ShadowRay sample_camera(global const Camera *camera, global const Setting
     const float back = per_cosine(material_value(material_of(v) TABLES(v->tables), wi_local, v->wo).pdf, v->wo.z);
     const float chance = camera_density(settings, wi_local.z, back, dot3(lens.to, lens.to));
     out.light = out.light * power_heuristic(v->state.w, chance);
-#endif
-#if HAS_ABSORPTION
-    out.light = out.light * absorbed(materials, medium_ahead(v, wi_local.z), length3(lens.to));
 #endif
     out.ray = ray_from(v, wi, lens.to, 0);
     out.valid = out.light.x + out.light.y + out.light.z != 0.0f;  // NaN goes on: the splat counts it
@@ -100,7 +111,7 @@ static NextRay sample_further(global const Settings *settings, const PathVertex 
     out.state = make4(onward, bsdf.pdf);
 #endif
     out.ray = ray_from(v, wi, wi, 1);
-    out.medium = medium_ahead(v, bsdf.wi.z);
+    out.medium = 0u;  // `weakened` instead
     out.delta = (bsdf.flags & BSDF_DELTA) != 0u;
     const float strongest = largest3(onward);
     out.valid = strongest > 0.0f || strongest != strongest;
@@ -127,15 +138,22 @@ kernel void connect(GEOMETRY_ARGUMENTS, global const Object *objects, global con
     const uint slot = queue[i];
     Ray ray = rays[slot];
     const Hit hit = hits[slot];
-    const uint4 path = paths[slot];
+    uint4 path = paths[slot];
     const uint edge = path.y & PATH_EDGES;
     status[i] = 0u;
     if (!(ray.direction.w > 0.0f) || hit.prim == NONE || edge >= max_depth) {
         return;
     }
-    const PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, throughput[slot]);
+    PathVertex vertex = vertex_of(g, objects, materials, settings, ray, hit, path, throughput[slot]);
+#if HAS_ABSORPTION
+    const float length = float_of(path.x) + hit.t * length3(xyz(ray.direction));
+#endif
     const int passed = pass_on(g, objects, materials, settings, &vertex, &ray, path, slot, rays, throughput,
                                status + i SCATTERINGS);
+#if HAS_ABSORPTION
+    path.x = passed ? bits_of(length) : weakened(materials, &vertex, length);
+    paths[slot].x = path.x;
+#endif
     if (passed || is_black(&vertex)) {
         return;
     }
@@ -147,7 +165,7 @@ kernel void connect(GEOMETRY_ARGUMENTS, global const Object *objects, global con
 #else
     const int hidden = hidden_from_camera(objects + vertex.surface.object);
 #endif
-    const ShadowRay direct = sample_camera(camera, settings, materials, &vertex, hidden,
+    const ShadowRay direct = sample_camera(camera, settings, &vertex, hidden,
                                            sample_2d(sampler, SET_LIGHT(edge)), &pixel);
     if (direct.valid) {
         shadow_rays[slot] = direct.ray;

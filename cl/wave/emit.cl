@@ -57,11 +57,13 @@ static LightEmission before(global const float4 *aims, const LightEmission leavi
     return out;
 }
 
+static int is_afar(global const Light *l) { return l->kind == LIGHT_SUN || l->kind == LIGHT_DIRECTIONAL; }
+
 // Light on its way to what reflects or refracts it to single directions; u.x picks a sphere around such things.
 static LightEmission aimed(global const Light *l, const Geometry g, global const float4 *aims,
                            const LightEmission leaving, const float4 around, const float4 u)
 {
-    const int afar = l->kind == LIGHT_SUN || l->kind == LIGHT_DIRECTIONAL;
+    const int afar = is_afar(l);
     const float caps = afar ? aims[0].y : caps_seen(aims, leaving.origin);
     if (!(afar ? disks_used(aims) : caps_used(caps))) {
         return leaving;
@@ -76,9 +78,26 @@ static LightEmission aimed(global const Light *l, const Geometry g, global const
 }
 #endif
 
+#if HAS_CAUSTICS && HAS_PLANE
+// Whether light from afar that starts at `origin` would have had to cross an infinite plane on its way there.
+static int crossed_plane(const Geometry g, const float3 origin, const float3 direction)
+{
+    for (uint i = 0u; i < g.plane_count; i++) {
+        const float3 normal = xyz(g.shapes[i].w);
+        const float height = dot3(normal, origin - xyz(g.shapes[i].center));
+        const float away = dot3(normal, direction);
+        if (!is_hidden(g, g.shapes[i].object) && (height > 0.0f ? away > 0.0f : height < 0.0f && away < 0.0f)) {
+            return 1;
+        }
+    }
+    return 0;
+}
+#endif
+
 // Fills `count` free slots with light that leaves the lights (integrator photon), one path for each pixel and sample of
 // the chunk, cut as `primary` does: its numbers are those of that pixel and sample, but where it goes has nothing to do
-// with them. throughput.xyz: what it carries [W] over its density. Race rule: every item owns its slot.
+// with them. throughput.xyz: what it carries [W] over its density; paths.x: its way so far (bits; `weakened` of
+// wave/connect.cl). Race rule: every item owns its slot.
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARGUMENTS, global const Settings *settings,
                  global const float4 *around, global const uint *queue, const uint queue_first, const uint first_item,
@@ -117,6 +136,11 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
 #if HAS_CAUSTICS
         leaving = aimed(light_table + index, g, aims, leaving, *around, sample_4d(sampler, SET_EMIT_AIM));
 #endif
+#if HAS_CAUSTICS && HAS_PLANE
+        if (is_afar(light_table + index) && crossed_plane(g, leaving.origin, leaving.direction)) {
+            leaving.power = (float3)(0.0f);
+        }
+#endif
         const float3 power = picked > 0.0f ? leaving.power * (1.0f / picked) : (float3)(0.0f);
         ray.origin = make4(leaving.origin, float_of(leaving.prim));
         ray.direction = make4(leaving.direction, largest3(power) > 0.0f ? T_MAX_FREE : MISS_AT_ONCE);
@@ -130,7 +154,7 @@ kernel void emit(GEOMETRY_ARGUMENTS, global const Light *light_table TEXTURE_ARG
 #endif
     rays[slot] = ray;
     throughput[slot] = state;
-    paths[slot] = (uint4)(item, 1u | PATH_DELTA, pixel, sample);
+    paths[slot] = (uint4)(0u, 1u | PATH_DELTA, pixel, sample);
 #if HAS_OPACITY
     scatterings[slot] = make4(xyz(ray.origin), float_of(0u));
 #endif

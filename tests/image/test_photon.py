@@ -168,6 +168,19 @@ def test_a_mirror_lights_the_floor_as_a_second_bulb_which_paths_never_find(devic
     assert both.mean() > 1.15 * direct.mean()
 
 
+def test_light_weakens_in_a_body_that_its_lamp_does_not_know(device: Device) -> None:
+    """Glass of no index around a bulb: all goes straight, and of 0.3 m in colour half is within glass without one."""
+    scene = base(origin=(0, 3, 0), target=(0, 0, 0), up=(0, 0, -1), fov=30, focus=3, aperture=0)
+    scene["bulb"].position, scene["bulb"].intensity = IN_MIRROR, (2, 2, 2)
+    scene.add(rt.sphere(IN_MIRROR, 0.15), rt.Dielectric(1.00001), name="clear")
+    scene.add(rt.sphere(IN_MIRROR, 0.3), rt.Dielectric(1.00001, absorption=(3.0, 1.0, 0.0)), name="coloured")
+    expected = tiles((lit_floor(IN_MIRROR, 2.0) * np.exp((-0.9, -0.3, 0.0)))[None])[0]
+    made = tiles(pictures(device, scene, integrator="photon"))
+    error = made.std(axis=0, ddof=1) / np.sqrt(SEEDS)
+    assert np.abs((made.mean(axis=0) - expected) / error).max() < 7.0
+    assert (error[-1] < 0.02 * expected[-1]).all()
+
+
 def test_a_render_knows_its_error(device: Device) -> None:
     truth = lit_floor(BULB, 2.0) + lit_floor(IN_MIRROR, 2.0)
     with rt.Renderer(mirrored(), device, integrator="photon", spp=64, traversal="single") as renderer:

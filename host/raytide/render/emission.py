@@ -150,8 +150,11 @@ def _sphere(flat: FlatScene, geometry: FlatGeometry, index: int) -> np.ndarray:
         low, high = (np.array([row[name][3] for name in names], float) for names in (_LOW, "uvw"))
         return np.append((low + high) / 2, np.linalg.norm(high - low) / 2)
     kind, (u, v, w) = flat.shapes[thing.shape].kind, flat.shapes[thing.shape].axes
-    reach = {"sphere": (u,), "rectangle": (u, v), "disk": (u, v), "box": (u, v, w)}[kind]
-    return np.append(row["center"][:3].astype(float), math.sqrt(sum(float(axis @ axis) for axis in reach)))
+    turned = {"sphere": (), "rectangle": (v,), "disk": (v,), "box": (v, w)}[kind]
+    corners = np.array([u])  # half of them: the others are opposite
+    for axis in turned:  # which need not be perpendicular
+        corners = np.concatenate([corners + axis, corners - axis])
+    return np.append(row["center"][:3].astype(float), np.linalg.norm(corners, axis=1).max())
 
 
 def _joined(spheres: np.ndarray) -> np.ndarray:

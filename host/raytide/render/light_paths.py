@@ -18,10 +18,10 @@ from raytide.kernels.constants import SPLAT_WORDS, TILE
 from raytide.render.emission import emitted_power, sphere_around
 from raytide.render.pack import PackedScene, film_area
 from raytide.render.schedule import Chunk
-from raytide.render.surfaces import is_specular
+from raytide.render.surfaces import is_see_through, is_specular
 from raytide.render.textures import has_relief
 from raytide.render.waves import Waves
-from raytide.scene.flatten import FlatScene, FlatShape
+from raytide.scene.flatten import FlatScene
 from raytide.scene.lights import SKY_LIGHTS, DirectionalLight
 
 LONGEST_WITH_CAUSTICS = 2**15 - 1  # edges: paths keep one bit of their number for a mark (PATH_CAUSTIC)
@@ -52,17 +52,15 @@ def check_light_paths(flat: FlatScene) -> None:
         found.append(Problem("materials", "clear bodies with a priority", f"none with {asked}: light that starts "
                              "within bodies does not know them"))  # fmt: skip
     endless = any(isinstance(light, (DirectionalLight, *(SKY_LIGHTS if alone else ()))) for light in flat.lights)
-    if endless and any(_is_met(flat, shape, alone) for shape in flat.shapes if shape.kind == "plane"):
+    planes = [flat.objects[shape.object].material for shape in flat.shapes if shape.kind == "plane" and endless]
+    if any(alone or is_specular(flat, material) for material in planes):  # with `caustics` light is sent to no others
         found.append(Problem("objects", "an infinite plane under light from infinity", f"a rectangle with {asked}: "
                              "light cannot be sent to all of a plane"))  # fmt: skip
+    elif any(is_see_through(flat, material) for material in planes):
+        found.append(Problem("objects", "an infinite plane with an opacity under light from infinity", f"a rectangle "
+                             f"with {asked}: light that starts near what has an end knows no such plane"))  # fmt: skip
     if found:
         raise SceneError(found)
-
-
-def _is_met(flat: FlatScene, shape: FlatShape, alone: bool) -> bool:
-    """Whether light is to be sent straight to a shape: with `caustics` only to what is specular."""
-    material = flat.objects[shape.object].material
-    return alone or is_specular(flat, material)
 
 
 def unit_exponent(flat: FlatScene, packed: PackedScene, table: np.ndarray, power: np.ndarray, radius: float) -> int:

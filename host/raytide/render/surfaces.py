@@ -17,6 +17,12 @@ def is_specular(flat: FlatScene, material: int) -> bool:
     return any(flat.materials[i].is_specular for i in surfaces_of(flat, material))
 
 
+def is_see_through(flat: FlatScene, material: int) -> bool:
+    """Whether light may pass a surface of material `material` as if nothing were there."""
+    model = flat.materials[surface_of(flat, material)]
+    return model.opacity < 1 or "opacity" in model.textures()
+
+
 def surface_of(flat: FlatScene, material: int) -> int:
     """The index of the material that a surface of material `material` scatters by: the base of one that shines."""
     model = flat.materials[material]
