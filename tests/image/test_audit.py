@@ -36,17 +36,18 @@ def test_bands_hold_pooled_over_tiles_and_seeds(renderer: tuple[rt.Renderer, Tru
     for one in audit_scene(*((renderer[0], plan, renderer[1])), lambda: False):
         assert one.seeds == 8 and one.tiles == 16
         assert one.coverage is not None and one.coverage >= 0.9  # of 128; the long audit has 64 seeds
-        assert one.picture_coverage == 1.0 and one.ratio is not None and 0.5 < one.ratio < 2.0
+        assert one.picture_coverage is not None and one.picture_coverage >= 0.875  # of 8
+        assert one.ratio is not None and 0.5 < one.ratio < 2.0
 
 
 def test_an_audit_finds_bands_that_are_too_low_and_too_narrow(
     renderer: tuple[rt.Renderer, Truth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plan = Plan(Path("cornell.toml"), variants_of([]), (Budget(16),), 4)
-    monkeypatch.setattr(tile_error, "SPREAD_UP", 0.01)
-    for name in ("SPREAD_DOWN", "SPREAD_SETTLED", "SPREAD_RELATIVE"):
-        monkeypatch.setattr(tile_error, name, 0.01)
-    monkeypatch.setattr(tile_error, "LEAST_SPREAD", 1e-4)
+    for name in ("SPREAD_UP", "SPREAD_UP_SETTLED", "SPREAD_RELATIVE", "LEAST", "LEAST_SETTLED"):
+        monkeypatch.setattr(tile_error, name, 1e-3)
+    for name in ("FREEDOM", "FREEDOM_SETTLED"):
+        monkeypatch.setattr(tile_error, name, 1e3)
     (narrow,) = audit_scene(renderer[0], plan, renderer[1], lambda: False)
     assert narrow.words in ("too low", "too high") and narrow.coverage is not None and narrow.coverage < 0.8
     brighter = dataclasses.replace(renderer[1], rgb=renderer[1].rgb * 2)
