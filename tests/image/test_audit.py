@@ -36,7 +36,8 @@ def test_bands_hold_pooled_over_tiles_and_seeds(renderer: tuple[rt.Renderer, Tru
     for one in audit_scene(*((renderer[0], plan, renderer[1])), lambda: False):
         assert one.seeds == 8 and one.tiles == 16
         assert one.coverage is not None and one.coverage >= 0.9  # of 128; the long audit has 64 seeds
-        assert one.picture_coverage == 1.0 and one.ratio is not None and 0.5 < one.ratio < 2.0
+        assert one.picture_coverage is not None and one.picture_coverage >= 0.875  # of 8
+        assert one.ratio is not None and 0.5 < one.ratio < 2.0
 
 
 def test_an_audit_finds_bands_that_are_too_low_and_too_narrow(
