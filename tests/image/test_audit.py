@@ -44,10 +44,10 @@ def test_an_audit_finds_bands_that_are_too_low_and_too_narrow(
     renderer: tuple[rt.Renderer, Truth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plan = Plan(Path("cornell.toml"), variants_of([]), (Budget(16),), 4)
-    monkeypatch.setattr(tile_error, "SPREAD_UP", 0.01)
-    for name in ("SPREAD_DOWN", "SPREAD_SETTLED", "SPREAD_RELATIVE"):
-        monkeypatch.setattr(tile_error, name, 0.01)
-    monkeypatch.setattr(tile_error, "LEAST_SPREAD", 1e-4)
+    for name in ("SPREAD_UP", "SPREAD_UP_SETTLED", "SPREAD_RELATIVE", "LEAST", "LEAST_SETTLED"):
+        monkeypatch.setattr(tile_error, name, 1e-3)
+    for name in ("FREEDOM", "FREEDOM_SETTLED"):
+        monkeypatch.setattr(tile_error, name, 1e3)
     (narrow,) = audit_scene(renderer[0], plan, renderer[1], lambda: False)
     assert narrow.words in ("too low", "too high") and narrow.coverage is not None and narrow.coverage < 0.8
     brighter = dataclasses.replace(renderer[1], rgb=renderer[1].rgb * 2)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from raytide.render.tile_error import tile_errors
+from raytide.render.tile_error import lowest, tile_errors
 from raytide.render.tile_evidence import TILE
 
 SIZE = (64, 64, 3)
@@ -64,6 +64,33 @@ def test_even_ground_shows_the_noise_itself_whatever_the_halves_say() -> None:
     noise, now, before = drawn(np.random.default_rng(3), 1.0, 64)
     found = tile_errors(1 + noise, 9 * now, 9 * before, 64)
     assert found and found.relmse.mean() == pytest.approx((noise**2).mean(), rel=0.1)
+
+
+def test_noisy_kinds_of_differences_do_not_make_even_ground_seem_less_noisy() -> None:
+    """Their least is 14 % too low where noise is grey, and one look counts for all channels."""
+    ratios = []
+    for seed in range(20):
+        grey = drawn(np.random.default_rng(seed), 2.0, 64)
+        noise, now, before = (np.repeat(one[..., :1], 3, axis=2) for one in grey)
+        found = tile_errors(1 + noise, now, before, 64)
+        assert found
+        ratios.append(found.relmse.mean() / (noise**2).mean())
+    assert 0.98 < np.mean(ratios) < 1.1
+
+
+def test_a_spoilt_kind_of_differences_hardly_counts() -> None:
+    noise, now, before = drawn(np.random.default_rng(5), 1.3, 64)
+    stripes = 1.0 + 9.0 * (np.arange(SIZE[1]) % 2)[None, :, None]
+    found = tile_errors(stripes * (1 + noise), now, before, 64)
+    assert found and found.relmse.mean() < 2 * (noise**2).mean()
+
+
+def test_lowest_squares_are_those_of_the_chi_square_distribution() -> None:
+    """2.5 % quantiles from its tables, over the degrees of freedom."""
+    freedom = np.array([3.0, 5.0, 10.0, 30.0, 100.0])
+    exact = np.array([0.2158, 0.8312, 3.2470, 16.7908, 74.2219]) / freedom
+    assert np.all(np.abs(np.exp(-lowest(freedom)) / exact - 1) < [0.2, 0.05, 0.01, 0.01, 0.01])
+    assert lowest(np.array([0.3])) == pytest.approx(20.0)
 
 
 def test_few_pixels_that_rule_a_tile_make_its_band_wide() -> None:

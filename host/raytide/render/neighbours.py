@@ -15,6 +15,7 @@ import numpy as np
 
 SINGLE, DOUBLE = 6.0, 36.0  # sums of the squared weights 1, -2, 1, and of their product with themselves
 CHANNELS = 3
+KINDS = 3  # of differences
 
 
 def seen_sums(values: np.ndarray, weight: np.ndarray, above: int, below: int) -> Iterator[np.ndarray]:

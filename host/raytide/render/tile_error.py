@@ -1,9 +1,10 @@
 """How wrong each tile of a picture is, with a 95 % band, without a reference.
 
-The estimate is the smaller of two upper bounds (tile_evidence.py). What is left open is how the tile's own pixels
-came out, the more the fewer rule it; the radiance that the error is relative to, which is itself uncertain by the
-error; that the slope behind may go on, for which the low end reaches out; and what the tile did not meet and its
-neighbours did, for which the high end does. Fitted to the shipped scenes; `raytide audit` counts how often bands hold.
+The estimate is one of two upper bounds (tile_evidence.py). What is left open is how the tile's own pixels came out, the
+more the fewer rule it; the radiance that the error is relative to, which is itself uncertain by the error; that the
+slope behind may go on, or that the picture bends where neighbours settle it, for which the low end reaches out; and
+what the tile did not meet and its neighbours did, for which the high end does. Chance comes on top of what the slope
+hides: both may be so at once. Fitted to the shipped scenes; `raytide audit` counts how often bands hold.
 """
 
 from __future__ import annotations
@@ -12,13 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.render.tile_evidence import Evidence, factor, gather
+from raytide.render.tile_evidence import Evidence, factor, gather, power_of_four
 
 STEEPEST = 3.0
-STEEPER = 0.25  # by how much more than so far the slope may be
-# Variance of log(error / estimate): times the pixels that rule a tile, downwards, upwards, and upwards where the
-# neighbours settle it; in a large even tile; over the relMSE of the tile.
-SPREAD_DOWN, SPREAD_UP, SPREAD_SETTLED, LEAST_SPREAD, SPREAD_RELATIVE = 1.0, 5.0, 1.5, 0.01, 2.0
+POOLED = 2.0  # pixels' worth of the picture's slope in that of a tile
+# Downwards: degrees of freedom of the squares that an error is the sum of, times 2 rulers less 1.
+FREEDOM, FREEDOM_SETTLED = 0.67, 1.0
+# Variance of log(error / estimate): upwards, times the pixels that rule a tile; in a large even tile; over the relMSE
+# of the tile. Tiles that neighbours settle have their own.
+SPREAD_UP, SPREAD_UP_SETTLED, LEAST, LEAST_SETTLED, SPREAD_RELATIVE = 4.0, 1.0, 0.01, 0.015, 1.0
+BENT = 2.0  # power of (mean of all kinds of differences / estimate) by which the low end reaches out
 AROUND = 0.5  # of what the neighbours have, over 1 and the pixels that rule: what a tile may have missed
 CERTAINTY = 1.96
 
@@ -39,13 +43,32 @@ def tile_errors(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int)
     if spp < 16:
         return None
     found = gather(mean, now, before, spp)
-    value = np.minimum(found.flat, found.seen)
-    steep = found.now * factor(slopes(found) + STEEPER, spp)
-    slack = np.log(np.maximum(value, 1e-300) / np.clip(steep, 1e-300, np.maximum(value, 1e-300)))
-    least = LEAST_SPREAD + SPREAD_RELATIVE * value
-    down = np.hypot(slack, CERTAINTY * np.sqrt(SPREAD_DOWN / found.rulers + least))
-    up = CERTAINTY * np.sqrt(np.where(found.settled, SPREAD_SETTLED, SPREAD_UP) / found.rulers + least)
-    return TileErrors(value, value * np.exp(-down), value * np.exp(up) + missed(found, value))
+    settled, rulers = found.settled, found.rulers
+    value = np.where(settled, found.seen, found.flat)
+    least = np.where(settled, LEAST_SETTLED, LEAST) + SPREAD_RELATIVE * value
+    ahead = np.log(spp / power_of_four(spp)) / np.log(4.0)  # by which the slope, a noisy one, is drawn out
+    freedom = np.where(settled, FREEDOM_SETTLED, FREEDOM) * (2 * rulers - 1)
+    down = hidden(found, value, spp) + np.hypot(lowest(freedom), CERTAINTY * np.sqrt(least + ahead**2 / rulers))
+    up = CERTAINTY * np.sqrt(np.where(settled, SPREAD_UP_SETTLED, SPREAD_UP) / rulers + least)
+    return TileErrors(value, value * np.exp(-np.maximum(down, 0)), value * np.exp(up) + missed(found, value))
+
+
+def hidden(found: Evidence, value: np.ndarray, spp: int) -> np.ndarray:
+    """log of by how much less than `value` the error may be because a bound is no estimate: by the slope so far, and
+    where neighbours settle it by no more than kinds of differences are apart, which a bend does to them."""
+    steep = found.now * factor(slopes(found), spp)
+    tiny = 1e-300
+    slack = np.log(np.maximum(value, tiny) / np.clip(steep, tiny, np.maximum(value, tiny)))
+    apart = np.where(found.settled, np.maximum(found.seen_mean, tiny) / np.maximum(found.seen, tiny), np.inf)
+    return np.asarray(np.minimum(slack, BENT * np.log(apart)))
+
+
+def lowest(freedom: np.ndarray) -> np.ndarray:
+    """-log of what the mean of so many squares of normal numbers of variance 1 is above in 97.5 % of cases: farther
+    down than up, the more so the fewer (Wilson and Hilferty, The distribution of chi-square, PNAS 17, 1931); 20 at
+    most."""
+    spread = 2.0 / (9.0 * freedom)
+    return np.asarray(-3.0 * np.log(np.maximum(1.0 - spread - CERTAINTY * np.sqrt(spread), np.exp(-20 / 3))))
 
 
 def missed(found: Evidence, value: np.ndarray) -> np.ndarray:
@@ -59,9 +82,11 @@ def missed(found: Evidence, value: np.ndarray) -> np.ndarray:
 
 
 def slopes(found: Evidence) -> np.ndarray:
-    """The slope so far of every tile; that of the whole picture where a tile shows nothing."""
+    """The slope so far of every tile; the fewer pixels rule it, the more that of the whole picture, which alone counts
+    where a tile shows nothing."""
     total = float(np.sum(found.now * found.pixels))
     pooled = max(float(np.sum(found.before * found.pixels)) / total, 1.0) if total > 0 else 4.0
     known = (found.now > 0) & (found.before > 0)
-    ratio = np.where(known, found.before / np.where(known, found.now, 1.0), pooled)
-    return np.asarray(np.clip(np.log(ratio) / np.log(4.0), 1.0, STEEPEST))
+    own = np.log(np.where(known, found.before / np.where(known, found.now, 1.0), pooled))
+    mixed = (found.rulers * own + POOLED * np.log(pooled)) / (found.rulers + POOLED)
+    return np.asarray(np.clip(mixed / np.log(4.0), 1.0, STEEPEST))

@@ -20,12 +20,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytide.render.neighbours import CHANNELS, seen_sums
+from raytide.render.neighbours import CHANNELS, KINDS, seen_sums
 
 TILE = 8  # pixels
 MOST_LISTED = 2**17  # pixels whose own figures are kept
 DARKEST = 1e-15  # of the mean radiance: below, float32 has no weights
-SPREAD = 3.0  # variance of log(flat bound / truth) times the pixels that rule a tile
+SPREAD = 4.0  # variance of log(flat bound / truth) times the pixels that rule a tile
+CHOICE = 3.0  # by how much the lower of kinds of differences are too low because they are noisy: times those pixels
 FLOOR = 0.01  # of the mean radiance, in the denominator of relMSE
 
 
@@ -35,8 +36,9 @@ class Evidence:
     but for `absolute` relative as relMSE is: squares over radiance^2 + e^2.
 
     `now`, `before`: Q at the last two powers of four; `absolute`: `now` in radiance^2. `flat`: upper bound of relMSE
-    from `now`, for a slope of 1. `seen`: that from the neighbours. `rulers`: how many pixels rule `now`, from 1 to
-    `pixels`. `by_pixel`: Q at the same two of single pixels, (n,), evenly picked where there are many.
+    from `now`, for a slope of 1. `seen`: that from the neighbours; `seen_mean`: the mean of all kinds of differences,
+    whether or not a bend spoils them. `rulers`: how many pixels rule `now`, from 1 to `pixels`. `by_pixel`: Q at the
+    same two of single pixels, (n,), evenly picked where there are many.
     """
 
     by_pixel: tuple[np.ndarray, np.ndarray]
@@ -45,6 +47,7 @@ class Evidence:
     absolute: np.ndarray
     flat: np.ndarray
     seen: np.ndarray
+    seen_mean: np.ndarray
     rulers: np.ndarray
     pixels: np.ndarray
 
@@ -64,7 +67,8 @@ def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> E
     scale = average if average > 1e-30 else 1.0
     darkest = np.float32(max(FLOOR * average / scale, DARKEST) ** 2)
     pixels = tile_sums(np.ones(mean.shape[:2]))
-    total, earlier, squares, absolute, seen = np.empty((5, *pixels.shape))
+    total, earlier, squares, absolute = np.empty((4, *pixels.shape))
+    kinds = np.full((KINDS, *pixels.shape), np.inf)
     listed: list[np.ndarray] = []
     every = max(1, int(pixels.sum()) // MOST_LISTED)
     for row in range(len(pixels)):
@@ -77,22 +81,38 @@ def gather(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> E
         q, q_before = (_weighted(one[span], own, 1.0 / scale) for one in (now, before))
         total[row], earlier[row], squares[row] = (_along(one.sum(axis=0), 1) for one in (q, q_before, q * q))
         absolute[row] = sum(_along(now[span, :, channel].sum(axis=0), 1) for channel in range(CHANNELS))
-        seen[row] = np.inf
-        for sums in seen_sums(values, weight, above, below):
-            seen[row] = np.minimum(seen[row], _along(sums, CHANNELS))
+        for kind, sums in enumerate(seen_sums(values, weight, above, below)):
+            kinds[kind, row] = _along(sums, CHANNELS)
         listed.append(np.stack((q.ravel()[row % every :: every], q_before.ravel()[row % every :: every])))
     by_pixel = np.concatenate(listed, axis=1)
     relative = CHANNELS * pixels
+    rulers = np.clip(total**2 / np.maximum(squares, 1e-300), 1.0, pixels)
+    seen, seen_mean = _together(kinds / relative, rulers)
     return Evidence(
         by_pixel=(by_pixel[0], by_pixel[1]),
         now=total / relative,
         before=earlier / relative,
         absolute=absolute / (CHANNELS * pixels),
         flat=total / relative * factor(1.0, spp),
-        seen=seen / (CHANNELS * pixels),
-        rulers=np.clip(total**2 / np.maximum(squares, 1e-300), 1.0, pixels),
+        seen=seen,
+        seen_mean=seen_mean,
+        rulers=rulers,
         pixels=pixels,
     )
+
+
+def _together(kinds: np.ndarray, rulers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What kinds of differences, (k, rows, columns), inf where they do not fit, tell together: their mean by one over
+    their squares, in which a spoilt one hardly counts, and the plain mean. All are noisy, and the first favours those
+    that came out low: put right by as much as on even ground."""
+    there = np.isfinite(kinds).all(axis=(1, 2))
+    if not there.any():
+        return kinds[0], kinds[0]
+    kinds = kinds[there]
+    least = kinds.min(axis=0)
+    inverse = np.where(least > 0, least, 1.0) / np.where(least > 0, kinds, 1.0)  # relative to the least: no overflow
+    chosen = least * inverse.sum(axis=0) / (inverse**2).sum(axis=0)
+    return chosen * (1.0 + CHOICE / rulers if len(kinds) > 1 else 1.0), kinds.mean(axis=0)
 
 
 def _with_neighbours(mean: np.ndarray, span: slice, scale: float) -> tuple[np.ndarray, int, int]:
