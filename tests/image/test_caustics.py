@@ -37,14 +37,15 @@ def full(**camera: object) -> rt.Scene:
 
 
 def inside() -> rt.Scene:
-    """Camera, floor, ball and milk in a block of glass: all light comes through it, of a small lamp and a large one."""
+    """Camera and white walls in a block of glass: all light comes through it and thin milk, of two lamps."""
     camera = rt.Camera(origin=(0, 1.0, 2.5), target=(0, 0.2, 0), fov=30, size=SIZE)
     scene = rt.Scene(camera=camera, render={"max_depth": 6, "spp": 64})
     scene.add(rt.box((-3, -1, -3), (3, 1.5, 3)), rt.Dielectric(1.2), name="block")
     scene.add(rt.rect((0, 0, 0), u=(0, 0, 2), v=(2, 0, 0)), rt.Diffuse(0.8), name="floor")
-    scene.add(rt.sphere((-0.4, 0.3, 0.2), 0.3), rt.Diffuse(0.9), name="ball")
-    scene.add(rt.sphere((0.35, 0.3, 0), 0.3), rt.Dielectric(1.2, albedo=1.0, mean_free_path=0.15), name="milk")
-    scene.add(rt.sphere((0.5, 3.0, 0.5), 0.2), rt.Emit(40.0), name="small lamp")
+    scene.add(rt.rect((0, 0.6, -0.5), u=(1, 0, 0), v=(0, 0.6, 0)), rt.Diffuse(0.9), name="wall")
+    scene.add(rt.rect((-0.8, 0.6, 0.2), u=(0, 0, 0.7), v=(0, 0.6, 0)), rt.Diffuse(0.9), name="side")
+    scene.add(rt.box((-3, 1.7, -3), (3, 1.9, 3)), rt.Dielectric(1.2, albedo=1.0, mean_free_path=0.4), name="milk")
+    scene.add(rt.sphere((0.5, 3.0, 0.5), 0.2), rt.Emit(80.0), name="small lamp")
     scene.add(rt.rect((0, 2.5, 0), u=(2, 0, 0), v=(0, 0, 2)), rt.Emit(0.7), name="large lamp")
     return scene
 
