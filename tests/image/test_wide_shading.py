@@ -26,17 +26,17 @@ MATERIALS = {
 }
 
 
-def scene_of_meshes(masked: bool, **settings: object) -> rt.Scene:
+def scene_of_meshes(masked: bool, materials: tuple[str, ...] = tuple(MATERIALS), **settings: object) -> rt.Scene:
     """Meshes, flat and with vertex normals, spheres, and all kinds of lights. `masked`: and far out of sight something
     that light passes, which no eight vertices at once are shaded with."""
     scene = rt.Scene(camera=rt.Camera(origin=(0, 3, 9), target=(0, 1, 0), fov=42, size=(37, 22)))
     scene.render = rt.RenderSettings(**settings)
     ground = [(-8, 0, -8), (-8, 0, 8), (8, 0, 8), (8, 0, -8)]
     scene.add(rt.mesh(vertices=ground, faces=[(0, 1, 2), (0, 2, 3)]), rt.Diffuse(0.5), name="ground")
-    for place, (name, material) in enumerate(MATERIALS.items()):
+    for place, name in enumerate(materials):
         shape = rt.mesh(vertices=CORNERS, faces=PYRAMID, smooth=place % 2 == 1)
         shape = shape.translate(1.1 * place - 6.0, 0, place % 3)
-        scene.add(shape, material, name=name)
+        scene.add(shape, MATERIALS[name], name=name)
     scene.add(rt.sphere((0, 0.5, 3.5), 0.5), rt.Diffuse(0.6), name="ball")
     lamp = [(-1, 5, -1), (1, 5, -1), (1, 5, 1), (-1, 5, 1)]
     scene.add(rt.mesh(vertices=lamp, faces=[(0, 1, 2), (0, 2, 3)]), rt.Emit(8.0), name="lamp")
@@ -68,6 +68,13 @@ def test_shading_eight_vertices_at_once_changes_no_bit(device: Device, settings:
     together = image(device, scene_of_meshes(False, spp=8, roulette_start=3, **settings))
     alone = image(device, scene_of_meshes(True, spp=8, roulette_start=3, **settings))
     assert together.mean() > 0.1
+    np.testing.assert_array_equal(together.view(np.uint32), alone.view(np.uint32))
+
+
+def test_directions_that_share_a_set_are_the_same_among_eight(device: Device) -> None:
+    """As wave/numbers.cl has it where no material chooses between lobes."""
+    plain = ("diffuse", "mirror", "gold", "copper", "glass")
+    together, alone = (image(device, scene_of_meshes(masked, plain, spp=8, max_depth=6)) for masked in (False, True))
     np.testing.assert_array_equal(together.view(np.uint32), alone.view(np.uint32))
 
 
