@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 import raytide as rt
+from light_pictures import BULB, IN_MIRROR, SEEDS, SIZE, irradiance_by, pictures, tiles
 from raytide.device import Device
 from raytide.errors import SceneError
 from raytide.render.settings import with_settings
-
-SIZE = (24, 16)
-SEEDS = 8
 
 
 def full(**camera: object) -> rt.Scene:
@@ -62,9 +60,6 @@ def lantern() -> rt.Scene:
     return scene
 
 
-BULB, IN_MIRROR = (-1.0, 0.8, 0.0), (-1.6, 0.8, 0.0)
-
-
 def mirrored() -> rt.Scene:
     """A white floor seen from above, and beside it a mirror from which nothing comes back but what a light sends."""
     camera = rt.Camera(origin=(0, 3, 0), target=(0, 0, 0), up=(0, 0, -1), fov=30, size=SIZE)
@@ -75,33 +70,8 @@ def mirrored() -> rt.Scene:
 
 
 def lit_by(bulb: tuple[float, float, float], intensity: float) -> np.ndarray:
-    """Radiance of that floor by pixel (h, w) for one bulb over it, by the midpoints of 8x8 parts of a pixel."""
-    width, height = SIZE
-    step = 6 * np.tan(np.radians(15)) / height / 8
-    x = (np.arange(8 * width) + 0.5 - 4 * width) * step
-    z = (np.arange(8 * height) + 0.5 - 4 * height) * step
-    square = (x[None] - bulb[0]) ** 2 + bulb[1] ** 2 + (z[:, None] - bulb[2]) ** 2
-    lit = (intensity * bulb[1] / square**1.5).reshape(height, 8, width, 8).mean(axis=(1, 3))
-    return np.asarray(lit * 0.5 / np.pi)
-
-
-def pictures(device: Device, scene: rt.Scene, seeds: int = SEEDS, **settings: object) -> np.ndarray:
-    """(seeds, h, w, 3) float64."""
-    with rt.Renderer(scene, device, traversal="single", **settings) as renderer:
-        out = []
-        for seed in range(seeds):
-            renderer.restart(seed=seed)
-            film = renderer.render()
-            assert renderer.health() == {"non_finite": 0, "negative": 0}
-            out.append(film.rgb.astype(float))
-        return np.array(out)
-
-
-def tiles(images: np.ndarray) -> np.ndarray:
-    """Means of 8x8 pixels and of the whole picture: (seeds, tiles + 1, 3)."""
-    count, height, width = images.shape[:3]
-    parts = images.reshape(count, height // 8, 8, width // 8, 8, 3).mean(axis=(2, 4)).reshape(count, -1, 3)
-    return np.concatenate([parts, images.mean(axis=(1, 2))[:, None]], axis=1)
+    """Radiance of that floor by pixel (h, w) for one bulb over it."""
+    return irradiance_by(bulb, intensity) * 0.5 / np.pi
 
 
 NEAR = {"height": 0.5, "target": (0.1, 0, 0.3)}  # so that both ends are as likely to find such light

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 import raytide as rt
+from light_pictures import BULB, IN_MIRROR, SEEDS, SIZE, irradiance_by, pictures, tiles
 from raytide.device import Device
 from raytide.errors import SceneError
 from raytide.kernels.constants import SPLAT_WORDS
 from raytide.render.settings import with_settings
-
-CLEAR = {"non_finite": 0, "negative": 0}
-SIZE = (24, 16)
-SEEDS = 8
 
 
 def ball(radius: float, center: tuple[float, float, float]) -> rt.Mesh:
@@ -104,25 +101,6 @@ def cast() -> rt.Scene:
     return scene
 
 
-def pictures(device: Device, scene: rt.Scene, seeds: int = SEEDS, **settings: object) -> np.ndarray:
-    """(seeds, h, w, 3) float64."""
-    with rt.Renderer(scene, device, traversal="single", **settings) as renderer:
-        out = []
-        for seed in range(seeds):
-            renderer.restart(seed=seed)
-            film = renderer.render()
-            assert renderer.health() == CLEAR
-            out.append(film.rgb.astype(float))
-        return np.array(out)
-
-
-def tiles(images: np.ndarray) -> np.ndarray:
-    """Means of 8x8 pixels and of the whole picture: (seeds, tiles + 1, 3)."""
-    count, height, width = images.shape[:3]
-    parts = images.reshape(count, height // 8, 8, width // 8, 8, 3).mean(axis=(2, 4)).reshape(count, -1, 3)
-    return np.concatenate([parts, images.mean(axis=(1, 2))[:, None]], axis=1)
-
-
 @pytest.mark.parametrize("scene", [lamps, afar, in_glass, in_film, frosted, cast])
 def test_light_traced_either_way_gives_one_picture(device: Device, scene: object) -> None:
     made = [tiles(pictures(device, scene(), integrator=name)) for name in ("path", "photon")]  # type: ignore[operator]
@@ -131,9 +109,6 @@ def test_light_traced_either_way_gives_one_picture(device: Device, scene: object
     assert np.abs(t).max() < 6.0  # two-sided, seven degrees of freedom at the least: 5e-4
     assert np.abs(t[-1]).max() < 4.5
     assert (np.sqrt(variance[-1]) < 0.02 * made[0].mean(axis=0)[-1]).all()  # or the test could not fail
-
-
-BULB, IN_MIRROR = (-1.0, 0.8, 0.0), (-1.6, 0.8, 0.0)
 
 
 def mirrored() -> rt.Scene:
@@ -145,15 +120,8 @@ def mirrored() -> rt.Scene:
 
 
 def lit_floor(bulb: tuple[float, float, float], intensity: float) -> np.ndarray:
-    """Radiance of the floor by pixel (h, w, 3) for one bulb over it, by the midpoints of 8x8 parts of a pixel."""
-    width, height = SIZE
-    half = 3 * np.tan(np.radians(15))
-    step = 2 * half / height / 8
-    x = (np.arange(8 * width) + 0.5 - 4 * width) * step
-    z = (np.arange(8 * height) + 0.5 - 4 * height) * step
-    square = (x[None] - bulb[0]) ** 2 + bulb[1] ** 2 + (z[:, None] - bulb[2]) ** 2
-    lit = (intensity * bulb[1] / square**1.5).reshape(height, 8, width, 8).mean(axis=(1, 3))
-    return lit[..., None] * np.array((0.6, 0.5, 0.4)) / np.pi
+    """Radiance of the floor by pixel (h, w, 3) for one bulb over it."""
+    return irradiance_by(bulb, intensity)[..., None] * np.array((0.6, 0.5, 0.4)) / np.pi
 
 
 def test_a_mirror_lights_the_floor_as_a_second_bulb_which_paths_never_find(device: Device) -> None:
