@@ -224,6 +224,20 @@ def test_a_disk_without_room_is_told_before_any_work(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_disk_with_room_for_one_generation_only_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def capture(sums: bool) -> Content:
+        return Content({"spp": 0, "sums_bytes": 100 << 20}, {})
+
+    usage = type(shutil.disk_usage(tmp_path))
+    for free, told in ((299, True), (300, False)):
+        caplog.clear()
+        monkeypatch.setattr(shutil, "disk_usage", lambda place, free=free: usage(2**40, 0, free << 20))
+        rt.Checkpoints(tmp_path / f"{free}.ck").begin(capture)
+        assert ("300 MiB hold every generation" in caplog.text) == told
+
+
 def start(folder: Path, *words: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-P", "-m", "raytide", *words, "--quiet", "--every", "0.05"]
     environment = os.environ | {"PYTHONPATH": str(ROOT / "host"), "XDG_CONFIG_HOME": str(folder)}

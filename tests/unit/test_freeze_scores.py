@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib.util
 import json
 from pathlib import Path
@@ -37,14 +38,14 @@ def test_the_frozen_run_has_1000_points_and_other_plans_keep_their_rates(
     run: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = score.reference_table()
-    table = tool.frozen([run], before)
+    table = tool.frozen({run["plan"]["name"]: [run]}, before)
     assert table["quick"] == before["quick"] and table["version"] == record.SUITE_VERSION
     monkeypatch.setattr(score, "reference_table", lambda: table)
     assert score_of(run["workloads"], "full")["value"] == pytest.approx(1000.0, rel=1e-3)
 
 
 def test_a_sound_run_will_do(run: dict[str, Any]) -> None:
-    assert tool.refusals(run) == []
+    assert tool.refusals(run) == [] and tool.unknown([run]) == []
 
 
 @pytest.mark.parametrize(("place", "value", "said", "always"), [
@@ -54,7 +55,7 @@ def test_a_sound_run_will_do(run: dict[str, Any]) -> None:
     (("tool", "suite_version"), "1999.1", "came suite 1999.1", True),
     (("workloads", 0, "summary", "disturbed"), True, "cornell is disturbed", False),
     (("workloads", 0, "summary", "unstable"), True, "cornell is unstable", False),
-    (("class_reasons",), ["--threads"], "the run is open: --threads", False),
+    (("class_reasons",), ["--threads"], "the run is open: --threads", True),
 ])  # fmt: skip
 def test_no_other_run_will_do(
     run: dict[str, Any], place: tuple[Any, ...], value: Any, said: str, always: bool
@@ -63,8 +64,22 @@ def test_no_other_run_will_do(
     for key in place[:-1]:
         table = table[key]
     table[place[-1]] = value
-    assert any(said in reason for reason in tool.refusals(run))
-    assert bool(tool.refusals(run, nevertheless=True)) == always
+    assert any(said in reason for reason in tool.refusals(run) + tool.unknown([run]))
+    assert bool(tool.refusals(run)) == always
+
+
+def test_of_three_runs_the_median_counts_where_they_agree(run: dict[str, Any]) -> None:
+    def runs(*factors: float) -> list[dict[str, Any]]:
+        out = [copy.deepcopy(run) for _ in factors]
+        for one, factor in zip(out, factors, strict=True):
+            one["workloads"][0]["summary"] |= {"median": 1e6 * factor, "unstable": True}
+        return out
+
+    assert tool.unknown(runs(1, 1)) and not tool.unknown(runs(1, 1.01, 0.6))
+    assert tool.frozen({"full": runs(1, 1.01, 0.6)}, score.reference_table())["full"]["cornell"] == 1e6
+    [said] = tool.unknown(runs(1, 1.2, 0.9))  # sqrt(pi / 6) 1.4826 0.1
+    assert "cornell is known to 10.7 %" in said
+    assert len(tool.unknown(runs(1, 1.2, 0.9, 1.1, 0.8))) == 1
 
 
 def test_a_refused_run_changes_no_table(

@@ -231,7 +231,8 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_documented_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs" / "scenes.md").read_text()
+    docs = Path(__file__).resolve().parents[2] / "docs"
+    page = "".join((docs / name).read_text() for name in ("scenes.md", "lights.md"))
     blocks = {"toml": "", "python": ""}
     for language, block in re.findall(r"```(toml|python)\n(.*?)```", page, re.DOTALL):
         blocks[language] += block  # the tables of a page make one scene

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 EVERY_S = 60.0
 MOST_SHARE = 0.01  # of the render's time goes into checkpoints where nobody said how often
+GENERATIONS = 3  # the newest, the one before and the one that is being written
 SLOW_DISK = 300e6  # bytes/s: the guess before the first write of the sums
 Capture = Callable[[bool], Content]  # what there is now, with the picture's sums or without
 FREE_KEYS = ("spp", "time", "error", "bvh")  # settings that change no sample: ends, and the tree
@@ -102,6 +103,11 @@ class Checkpoints:
                 f"{self.path}: came {free >> 20} MiB of free disk; wanted {needed >> 20} MiB or more for the sums of "
                 "this picture; nothing was rendered"
             )
+        if free < GENERATIONS * needed:
+            _log.warning(
+                "%s: %d MiB of free disk; %d MiB hold every generation: with less a later one may not be written",
+                self.path, free >> 20, GENERATIONS * needed >> 20,
+            )  # fmt: skip
 
     def tick(self, capture: Capture) -> None:
         """Writes, if it is time."""
