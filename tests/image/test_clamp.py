@@ -217,6 +217,17 @@ def test_comparisons_say_it_and_references_refuse_it(told: Path, capsys: pytest.
         assert "clamp" in capsys.readouterr().err
 
 
+def test_references_that_converge_makes_are_not_clamped(device: Device, told: Path) -> None:
+    words = ["converge", str(told / "scene.toml"), "-o", str(told / "made"), "--device", device.info.id, "--size", "8x8",
+             "--budgets", "1", "--replicates", "2", "--reference-spp", "64", "--start-runs", "0", "--quiet",
+             "--vary", "traversal=single", "--set", "render.clamp_direct=0.01"]  # fmt: skip
+    assert main(words) == 0
+    made = read_exr(told / "made" / "scene.reference.exr")
+    assert "raytide.bias" not in made.header
+    assert json.loads(str(made.header["raytide.settings"]))["clamp_direct"] is None
+    assert made.rgb.max() > 0.1
+
+
 @pytest.mark.parametrize("words", [["--clamp-indirect", "0"], ["--clamp-direct", "-1"], ["--clamp-indirect", "nan"],
                                    ["--clamp-direct", "much"],
                                    ["--clamp-direct", "1", "--integrator", "photon"]])  # fmt: skip
