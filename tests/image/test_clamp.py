@@ -219,8 +219,8 @@ def test_comparisons_say_it_and_references_refuse_it(told: Path, capsys: pytest.
 
 def test_references_that_converge_makes_are_not_clamped(device: Device, told: Path) -> None:
     words = ["converge", str(told / "scene.toml"), "-o", str(told / "made"), "--device", device.info.id,
-             "--size", "8x8", "--budgets", "1", "--replicates", "2", "--reference-spp", "64", "--start-runs", "0", "--quiet",
-             "--vary", "traversal=single", "--set", "render.clamp_direct=0.01"]  # fmt: skip
+             "--size", "8x8", "--budgets", "1", "--replicates", "2", "--reference-spp", "64", "--start-runs", "0",
+             "--quiet", "--vary", "traversal=single", "--set", "render.clamp_direct=0.01"]  # fmt: skip
     assert main(words) == 0
     made = read_exr(told / "made" / "scene.reference.exr")
     assert "raytide.bias" not in made.header
