@@ -21,10 +21,12 @@ from raytide.kernels.constants import FILM_BLOCK, TILE
 from raytide.kernels.features import Features
 from raytide.kernels.source import Source, assemble
 from raytide.render import checkpoint_file, layers, schedule
+from raytide.render.bias import bounds_of
 from raytide.render.checkpoint import Checkpoints, capture, restore
 from raytide.render.film import Film
+from raytide.render.film_buffers import PIXEL_BYTES
 from raytide.render.film_sums import Sums
-from raytide.render.frame import PIXEL_BYTES, Frame
+from raytide.render.frame import Frame
 from raytide.render.instances import mesh_records
 from raytide.render.later import Later, first_of, planned_samples
 from raytide.render.light_paths import SPLAT_BYTES, LightPaths
@@ -186,8 +188,9 @@ class Renderer:
         info = self.device.info
         most = schedule.tiles_of((width, height)) * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes,
-                                        schedule.slot_bytes_of(self.features))  # fmt: skip
-        pixel_bytes = PIXEL_BYTES + (SPLAT_BYTES if self.features.emits else 0)
+                                        schedule.slot_bytes_of(self.features),
+                                        schedule.sample_bytes_of(self.features))  # fmt: skip
+        pixel_bytes = PIXEL_BYTES * (1 + self.features.clamp) + (SPLAT_BYTES if self.features.emits else 0)
         needed = width * height * pixel_bytes + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
             raise UsageError(
@@ -199,10 +202,10 @@ class Renderer:
         self.buffers = SceneBuffers(self.device, self.packed, self.forest, self.features, meshes, lists)
         self.settings_buffer = self.device.upload(settings_record(self.flat, self.packed))
         self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height),
-                           adaptive=self.features.adaptive)  # fmt: skip
+                           adaptive=self.features.adaptive, clamped=self.features.clamp)  # fmt: skip
         pixels_of = self.frame.pixels_of
         self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan,
-                           self.trial, pixels_of, self.frame.faults)  # fmt: skip
+                           self.trial, pixels_of, self.frame.faults, bounds_of(self.flat.render))  # fmt: skip
         if self.features.emits:
             self.frame.light = LightPaths(self.device, self.waves, self.flat, self.packed)
         self._begin()
@@ -281,9 +284,10 @@ class Renderer:
         self.checkpoints = checkpoints
         return self._loop.run(*self.opened(), now, limits, watch, keep)
 
-    def blocks(self, first: int, end: int) -> Iterator[tuple[int, Sums]]:
+    def blocks(self, first: int, end: int) -> Iterator[tuple[int, tuple[Sums, ...]]]:
         """Renders samples `first` to `end` - 1 and no others, for shard.py: gives the number of samples behind, and the
-        sums, of every block that the film adds up by itself. `stop` ends it after the last whole one."""
+        sums, of light and of what clamping took, of every block that the film adds up by itself. `stop` ends it after
+        the last whole one."""
         frame, waves = self.opened()
         self._shelf.settle()
         frame.restart(first)
