@@ -81,6 +81,12 @@ class Builder:
         self._cache.report_damage()
         return {name: done[name] for name in sources}
 
+    def load(self, sources: Mapping[str, SourceLike]) -> dict[str, Program]:
+        """Those programs, by name, that need no compiling."""
+        found = {name: self._from_cache(name, source) for name, source in sources.items()}
+        self._cache.report_damage()
+        return {name: program for name, program in found.items() if program}
+
     def close(self) -> None:
         """Let the compiling children go."""
         if self._children:

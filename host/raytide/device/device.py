@@ -97,6 +97,10 @@ class Device:
         self._probes.refuse_if_unfit(self.info)
         return programs
 
+    def load(self, sources: Mapping[str, SourceLike]) -> dict[str, Program]:
+        """Those of the programs, by name, that are in the cache: nothing is compiled."""
+        return self._builder.load(sources)
+
     def empty(self, nbytes: int) -> Buffer:
         """A buffer with undefined contents; 0 bytes give a valid dummy."""
         buffer = self._ledger.new(int(nbytes))

@@ -107,7 +107,7 @@ def ledger(renderer: Renderer) -> dict[str, list[str]]:
 
     return {
         "features": renderer.features.left_out(),
-        "waves": [wave.name for wave in WAVES if wave.name not in renderer.programs],
+        "waves": [wave.name for wave in WAVES if wave.name not in renderer.sources],
     }
 
 

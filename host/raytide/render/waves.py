@@ -289,7 +289,7 @@ class Waves:
         number. Gives the paths that go on, and by edges."""
         self._partition(np.uint32(count))
         counters = self.device.read_later(self._counters, np.uint32, COUNTERS)
-        if "shadow" in self.programs:
+        if any(name.startswith("shadow") for name in self.programs):
             asked = self.observe or not self.trial.is_settled(kind_of(label))  # who looks or measures wants the number
             self._shadow(label, kind, int(counters()[COUNTER_SHADOW]) if asked else count, results)
         alive, shadow, *by_edges = counters().tolist()
