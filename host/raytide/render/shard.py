@@ -65,8 +65,7 @@ def write_shard(
     `Renderer.status` after every block. Raises UsageError for a range that is no whole blocks, and for adaptive
     renders, whose pixels have ranges of their own.
     """
-    render = renderer.flat.render
-    check_range(first, end, render.spp if "spp" in render.model_fields_set else None)
+    check_range(first, end, _wanted_spp(renderer))
     if renderer.features.adaptive:
         raise UsageError("samples: came a range of an adaptive render; wanted the same samples for all pixels")
     done, blocks, arrays = first, [], {}
@@ -84,6 +83,12 @@ def write_shard(
     return done
 
 
+def _wanted_spp(renderer: Renderer) -> int | None:
+    """Samples a pixel of the whole picture; None where nobody said."""
+    render = renderer.flat.render
+    return render.spp if "spp" in render.model_fields_set else None
+
+
 def _facts(renderer: Renderer, first: int, end: int) -> dict[str, Any]:
     frame = renderer.opened()[0]
     provenance = provenance_of(renderer)
@@ -92,6 +97,7 @@ def _facts(renderer: Renderer, first: int, end: int) -> dict[str, Any]:
         **origin_of(renderer),
         "first": first,
         "end": end,
+        "wanted_spp": _wanted_spp(renderer),
         "health": frame.health(),
         "faults": frame.faults_met(),
         "rays": renderer.rays.total,
@@ -105,10 +111,13 @@ def merge(paths: Sequence[str | os.PathLike[str]]) -> Film:
 
     Raises UsageError, and names the file or the samples, for files that are no whole shard, holes, samples that two
     shards have, and renders of another scene, other settings or other kernels. Shards of several devices mix, with a
-    warning.
+    warning; so do the first ones of a picture whose `spp` they know, and the picture's header says what is `missing`.
     """
     parts = _in_order([Path(path) for path in paths])
     facts = [one for _, one in parts]
+    if missing := _missing(facts):
+        _log.warning("samples %d to %d of %d are in no shard; the picture is of those before",
+                     missing[0], missing[1] - 1, missing[1])  # fmt: skip
     picture = _Picture()
     for path, _ in parts:
         content = checkpoint_file.read_one(path, KIND)
@@ -193,6 +202,13 @@ def _facts_of(path: Path) -> dict[str, Any]:
     return facts
 
 
+def _missing(facts: list[dict[str, Any]]) -> list[int] | None:
+    """The first sample behind all shards, and the number behind the last one that they should have; None where none
+    is missing or no shard knows."""
+    end, wanted = facts[-1]["end"], max(one.get("wanted_spp") or 0 for one in facts)
+    return [end, wanted] if wanted > end else None
+
+
 def _figures(facts: list[dict[str, Any]]) -> dict[str, object]:
     seconds, rays = sum(one["seconds"] for one in facts), sum(one["rays"] for one in facts)
     devices = list(dict.fromkeys(one["device"] for one in facts))
@@ -209,6 +225,7 @@ def _provenance(facts: list[dict[str, Any]]) -> dict[str, object]:
     own["spp"] = facts[-1]["end"]
     own["time_s"] = own["time_s"] | {"render": round(sum(one["seconds"] for one in facts), 6)}
     own["shards"] = [[one["first"], one["end"], one["device"]] for one in facts]
+    own |= {"missing": missing} if (missing := _missing(facts)) else {}
     return first | {"raytide": own}
 
 
