@@ -8,8 +8,9 @@ import pytest
 
 from fake_renderer import SCENE as ONE_BALL
 from raytide.cli.config import gather
-from raytide.cli.options import bytes_of, check_outputs, size_of
+from raytide.cli.options import check_outputs, size_of
 from raytide.errors import SceneError, UsageError
+from raytide.scene.given import bytes_of
 from raytide.scene.load import load
 
 SCENE = ONE_BALL.replace("spp = 8", "spp = 2")

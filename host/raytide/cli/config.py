@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from raytide.cli.options import bytes_of, size_of
+from raytide.cli.options import size_of
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import nearest, value_words
+from raytide.scene.given import bytes_of
 from raytide.scene.layers import Layer, parse_override
 from raytide.scene.parse import parse_text, read_text, unknown_key
 from raytide.scene.positions import find_keys, line_of

@@ -1,4 +1,4 @@
-"""What options of `raytide render` mean: scene keys as options, sizes, byte counts, output files."""
+"""What options of `raytide render` mean: scene keys as options, sizes, times, output files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from raytide.scene.describe import Option, option_of
 from raytide.scene.settings import RenderSettings
 
 SUFFIXES = (".exr", ".png")
-UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30}
 
 
 def with_render_keys(command: Callable[..., int]) -> Callable[..., int]:
@@ -48,12 +47,6 @@ def size_of(text: str) -> list[int] | str:
     """`640x360` as [640, 360]; other text unchanged, for the scene's check to refuse."""
     found = re.fullmatch(r"(\d{1,9})[xX×](\d{1,9})", text.strip())
     return [int(found[1]), int(found[2])] if found else text
-
-
-def bytes_of(text: str) -> int | None:
-    """`512M` in bytes (K, M and G are powers of 1024), or None if it is no such thing."""
-    found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)\s*([KMG]?)(?:i?B)?", text.strip(), re.IGNORECASE)
-    return int(float(found[1]) * UNITS[found[2].upper()]) if found else None
 
 
 def seconds_of(option: str, text: str | None) -> float | None:

@@ -25,6 +25,7 @@ from raytide.render.film import Film, FilmData
 from raytide.render.film_sums import Differences, Sums
 from raytide.render.limits import MOST_SPP
 from raytide.render.provenance import provenance_of
+from raytide.scene.given import path_given, paths_given
 
 if TYPE_CHECKING:
     from raytide.render.renderer import Renderer
@@ -40,7 +41,8 @@ def check_range(first: int, end: int, spp: int | None) -> None:
     """Raises UsageError where samples `first` to `end` - 1 are no whole blocks; the last one of a picture of `spp`
     samples may be a part."""
     words = f"samples: came {first}:{end}"
-    if not 0 <= first < end <= (spp or MOST_SPP):
+    whole = all(isinstance(number, (int, np.integer)) for number in (first, end))
+    if not whole or not 0 <= first < end <= (spp or MOST_SPP):
         raise UsageError(f"{words}; wanted A:B with 0 <= A < B <= {spp or MOST_SPP}, the picture's samples")
     if first % FILM_BLOCK or (end % FILM_BLOCK and end != spp):
         raise UsageError(
@@ -65,6 +67,7 @@ def write_shard(
     `Renderer.status` after every block. Raises UsageError for a range that is no whole blocks, and for adaptive
     renders, whose pixels have ranges of their own.
     """
+    path = path_given(path, example="part.shard")
     check_range(first, end, _wanted_spp(renderer))
     if renderer.features.adaptive:
         raise UsageError("samples: came a range of an adaptive render; wanted the same samples for all pixels")
@@ -79,7 +82,7 @@ def write_shard(
     if blocks:
         for prefix, films in zip(("", CUT), zip(*blocks, strict=True), strict=False):
             arrays |= {prefix + name: np.stack([getattr(sums, name) for sums in films]) for name in _PARTS}
-        checkpoint_file.write(Path(path), Content(_facts(renderer, first, done), arrays), KIND, no_clobber=no_clobber)
+        checkpoint_file.write(path, Content(_facts(renderer, first, done), arrays), KIND, no_clobber=no_clobber)
     return done
 
 
@@ -106,14 +109,15 @@ def _facts(renderer: Renderer, first: int, end: int) -> dict[str, Any]:
     }
 
 
-def merge(paths: Sequence[str | os.PathLike[str]]) -> Film:
-    """The picture of all shards together, in any order: bit for bit that of one render on the same device.
+def merge(paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str]) -> Film:
+    """The picture of all shards together, in any order, or of a single one: bit for bit that of one render on the same
+    device.
 
     Raises UsageError, and names the file or the samples, for files that are no whole shard, holes, samples that two
     shards have, and renders of another scene, other settings or other kernels. Shards of several devices mix, with a
     warning; so do the first ones of a picture whose `spp` they know, and the picture's header says what is `missing`.
     """
-    parts = _in_order([Path(path) for path in paths])
+    parts = _in_order(paths_given(paths, "shards", "a.shard"))
     facts = [one for _, one in parts]
     if missing := _missing(facts):
         _log.warning("samples %d to %d of %d are in no shard; the picture is of those before",
