@@ -221,7 +221,7 @@ def raytide_build(device: Device, geometry: Any, builder: str) -> Callable[[], o
     programs = device.build(tree_sources(geometry, builder))
 
     def build() -> None:
-        build_tree(geometry, builder, device, program=programs.get("bvh"))
+        build_tree(geometry, builder, device, programs=programs)
         device.finish()
 
     return build

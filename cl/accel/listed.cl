@@ -82,9 +82,18 @@ static void list_passing8(const Geometry g, const List list, private const float
         private const float8 *b = corner_at(table, at.y);
         private const float8 *c = corner_at(table, at.z);
         private Passed8 *one = passing->of + count;
+#if FLUSHES_DENORMALS
+        Edges8 e;
+        const Sheared8 s = {a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]};
+        edges_of8(s, &e);
+        const float8 u = e.u;
+        const float8 v = e.v;
+        const float8 w = e.w;
+#else
         const float8 u = difference_of_products8(c[0], b[1], c[1], b[0]);
         const float8 v = difference_of_products8(a[0], c[1], a[1], c[0]);
         const float8 w = difference_of_products8(b[0], a[1], b[1], a[0]);
+#endif
         const int8 outside = mixed_signs8(u, v, w);
         one->v = v;
         one->w = w;
@@ -102,7 +111,7 @@ ALWAYS_INLINE static float8 depth_of_passed8(const uint4 at, private const float
     const float8 az = corner_at(table, at.x)[2];
     const float8 bz = corner_at(table, at.y)[2];
     const float8 cz = corner_at(table, at.z)[2];
-    return az + fma8(p->v, bz - az, p->w * (cz - az)) / p->sum;
+    return az + fma8(LESSENED(p->v), bz - az, LESSENED(p->w) * (cz - az)) / LESSENED(p->sum);
 }
 
 // The closest triangle of every ray by plain t (leaf.cl), no deeper than `farthest`, as bits. Ids rise: of equal t the

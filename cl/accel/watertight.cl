@@ -12,8 +12,17 @@
 // Depths are scaled apart, so that an area times a depth overflows no more than an area.
 #define SCALED_EXTENT 2.8823038e17f  // 2^58
 #define SCALE_MOST 8.5070592e37f     // 2^126
-#define TO_DEPTH 1.7347235e-18f      // 2^-59
+#if FLUSHES_DENORMALS
+// Without denormals, small triangles' areas and depths would be 0. So each triangle is enlarged once more, by a power of
+// two of its own, and depths are scaled as the rest is; areas are lessened before they are multiplied with depths.
+#define TO_DEPTH 1.0f
+#define FROM_DEPTH 1.0f
+#define LESSENED(area) ((area) * 2.1684043e-19f)  // 2^-62
+#else
+#define TO_DEPTH 1.7347235e-18f  // 2^-59
 #define FROM_DEPTH 5.7646075e17f
+#define LESSENED(area) area
+#endif
 
 typedef struct {
     uint4 rows;      // byte offsets within a vertex's three rows of the axes; z is the ray's main axis
@@ -83,6 +92,31 @@ typedef struct {
     float8 u, v, w, sum;
 } Edges8;
 
+#if FLUSHES_DENORMALS
+// What enlarges a triangle whose corners are up to `size` away from the ray, as shear_of scales a scene of that extent.
+ALWAYS_INLINE static float8 own_scale8(const float8 size)
+{
+    const float8 to_one = as_float8(0x7f000000 - (as_int8(size) & 0x7f800000));
+    return to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : (float8)(SCALE_MOST);
+}
+
+ALWAYS_INLINE static void edges_of8(const Sheared8 s, Edges8 *e)
+{
+    const float8 size_a = max8(abs8(s.ax), abs8(s.ay));
+    const float8 size_b = max8(abs8(s.bx), abs8(s.by));
+    const float8 own = own_scale8(max8(size_a, max8(size_b, max8(abs8(s.cx), abs8(s.cy)))));
+    const float8 ax = s.ax * own;
+    const float8 ay = s.ay * own;
+    const float8 bx = s.bx * own;
+    const float8 by = s.by * own;
+    const float8 cx = s.cx * own;
+    const float8 cy = s.cy * own;
+    e->u = difference_of_products8(cx, by, cy, bx);
+    e->v = difference_of_products8(ax, cy, ay, cx);
+    e->w = difference_of_products8(bx, ay, by, ax);
+    e->sum = (e->u + e->v) + e->w;
+}
+#else
 // By pointer: a structure that an inlined function returns leaves marks that Oclgrind does not know.
 ALWAYS_INLINE static void edges_of8(const Sheared8 s, Edges8 *e)
 {
@@ -91,6 +125,7 @@ ALWAYS_INLINE static void edges_of8(const Sheared8 s, Edges8 *e)
     e->w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
     e->sum = (e->u + e->v) + e->w;
 }
+#endif
 
 ALWAYS_INLINE static int8 inside_edges8(const Edges8 e)
 {
@@ -113,7 +148,7 @@ ALWAYS_INLINE static int8 outside_edges8(const Edges8 e)
 
 ALWAYS_INLINE static float8 depth_between8(const Sheared8 s, const Edges8 e)
 {
-    return s.az + fma8(e.v, s.bz - s.az, e.w * (s.cz - s.az)) / e.sum;
+    return s.az + fma8(LESSENED(e.v), s.bz - s.az, LESSENED(e.w) * (s.cz - s.az)) / LESSENED(e.sum);
 }
 
 // Mask of the lanes in which the ray meets the triangle at a scaled depth in [0, limit], and those depths. Conditions are
@@ -150,6 +185,21 @@ static uint triangles_met8(global const Block *block, const Shear s, const float
     return sheared_met8(v, (float8)(limit), depth);
 }
 
+#if FLUSHES_DENORMALS
+// edges_of8 for one triangle.
+static float3 edges_of_own_size(const float ax, const float ay, const float bx, const float by, const float cx,
+                                const float cy)
+{
+    const float size_a = max_of(abs_of(ax), abs_of(ay));
+    const float size_b = max_of(abs_of(bx), abs_of(by));
+    const float to_one = scale_to_one(max_of(size_a, max_of(size_b, max_of(abs_of(cx), abs_of(cy)))));
+    const float own = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
+    return (float3)(difference_of_products(cx * own, by * own, cy * own, bx * own),
+                    difference_of_products(ax * own, cy * own, ay * own, cx * own),
+                    difference_of_products(bx * own, ay * own, by * own, ax * own));
+}
+#endif
+
 // The same for one triangle whose vertices' components are already in the order of the shear's axes: edge functions in
 // xyz, scaled depth in w.
 static float4 triangle_edges(const Shear s, const float3 a, const float3 b, const float3 c)
@@ -163,10 +213,17 @@ static float4 triangle_edges(const Shear s, const float3 a, const float3 b, cons
     const float by = fma_of(bz, s.shear_y, fma_of(b.y, s.scale, s.shift.y));
     const float cx = fma_of(cz, s.shear_x, fma_of(c.x, s.scale, s.shift.x));
     const float cy = fma_of(cz, s.shear_y, fma_of(c.y, s.scale, s.shift.y));
+#if FLUSHES_DENORMALS
+    const float3 edges = edges_of_own_size(ax, ay, bx, by, cx, cy);
+    const float u = edges.x;
+    const float v = edges.y;
+    const float w = edges.z;
+#else
     const float u = difference_of_products(cx, by, cy, bx);
     const float v = difference_of_products(ax, cy, ay, cx);
     const float w = difference_of_products(bx, ay, by, ax);
-    return (float4)(u, v, w, az + fma_of(v, bz - az, w * (cz - az)) / ((u + v) + w));
+#endif
+    return (float4)(u, v, w, az + fma_of(LESSENED(v), bz - az, LESSENED(w) * (cz - az)) / LESSENED(((u + v) + w)));
 }
 
 // The function that every variant of the traversal ends in: scaled depth; u, v weigh vertices b and c.

@@ -1,7 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "build/hierarchy.cl"
+#include "build/block_lane.cl"
 #include "build/node_lane.cl"
-#define EMPTY_LANE ((float8)(1e30f))
 
 // Node records. names: 8 a node as `expand` gave them; numbers: node or block number of each lane. One item a node.
 kernel void pack_nodes(const uint count, const uint triangles, global const uint *names, global const uint *numbers,
@@ -31,20 +31,6 @@ kernel void pack_nodes(const uint count, const uint triangles, global const uint
         }
         write_box(nodes + i, lane, box);
         write_child(nodes + i, lane, child);
-    }
-}
-
-// Lane of a block: the corners of a triangle, or one point three times where the lane is empty.
-static void write_triangle(global Block *block, const uint lane, const int empty, const uint4 v,
-                           global const float4 *vertices)
-{
-    global float *rows = (global float *)block;
-    for (uint corner = 0; corner < 3u; ++corner) {
-        const uint vertex = empty || corner == 0u ? v.x : corner == 1u ? v.y : v.z;
-        const float4 p = vertices[vertex];
-        rows[24u * corner + lane] = p.x;
-        rows[24u * corner + 8u + lane] = p.y;
-        rows[24u * corner + 16u + lane] = p.z;
     }
 }
 

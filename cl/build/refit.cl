@@ -1,6 +1,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 #include "build/box.cl"
-#include "build/pack.cl"
+#include "build/block_lane.cl"
+#include "build/node_lane.cl"
 // New positions in an old tree, as a new one: blocks first, then the nodes level by level from the deepest up.
 
 // One item a block; its ids stay.

@@ -11,6 +11,7 @@
 #include "dispatch/material.cl"
 #include "dispatch/light.cl"
 #include "wave/path.cl"
+#include "wave/arrive.cl"
 #include "wave/fault.cl"
 #include "wave/numbers.cl"
 #include "wave/vertex.cl"
@@ -31,7 +32,8 @@ static void shade_miss(const Shading *s, const Ray ray, const uint slot, const u
 #if HAS_SKY
     const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
     const float3 seen = environment_seen(s->lights, before, s->settings, s->g, ray, path.y, CAUSTIC_END(slot), state);
-    s->samples[path.x] += told(s->faults, seen, 0.0f, FAULT_SKY, edge);
+    const uint words = arriving_words(path.x, edge - 1u);
+    arrive(s->samples, words, told(s->faults, seen, 0.0f, FAULT_SKY, edge) BOUNDS_OF(s));
 #endif
 }
 
@@ -86,7 +88,8 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
         const LightPlace before = LIGHT_PLACE_BEFORE(ray, slot);
         const float3 seen =
             emission_seen(s->lights, before, s->settings, s->g, s->objects, vertex, ray, hit, path.y, CAUSTIC_END(slot));
-        s->samples[path.x] += told(s->faults, seen, 1.0f, FAULT_EMISSION, edge);
+        const uint words = arriving_words(path.x, edge - 1u);
+        arrive(s->samples, words, told(s->faults, seen, 1.0f, FAULT_EMISSION, edge) BOUNDS_OF(s));
     }
     if (passed || is_last(s->settings, edge) || is_black(&vertex)) {
         return;
@@ -101,7 +104,7 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     if (asks(s, direct, path.x, edge)) {
         check_ray(s->faults, direct.light, direct.ray, FAULT_DIRECT, edge, s->samples + path.x);
         s->shadow_rays[slot] = direct.ray;
-        s->shadow_light[slot] = make4(direct.light, float_of(path.x));
+        s->shadow_light[slot] = make4(direct.light, float_of(arriving_words(path.x, edge)));
         next |= STATUS_SHADOW;
     }
 #else
@@ -126,7 +129,7 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
                   global const uint *queue, const uint count, global Ray *rays, global const Hit *hits,
                   global float4 *throughput, global uint4 *paths, global uint *status, global Ray *shadow_rays,
                   global float4 *shadow_light, global float4 *samples, global uint *faults SCATTERINGS_ARGUMENT
-                  MEDIA_ARGUMENT CAUSTICS_ARGUMENT)
+                  MEDIA_ARGUMENT CAUSTICS_ARGUMENT CLAMP_ARGUMENTS)
 {
     const uint begin = (uint)get_global_id(0) * SHADE_RAYS;
     if (begin >= count) {
@@ -137,6 +140,9 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
     const uint end = count - begin < SHADE_RAYS ? count : begin + SHADE_RAYS;
     Shading s = {g, objects, materials, lights, settings, queue, count, rays, hits, throughput, paths, status,
                  shadow_rays, shadow_light, samples, faults};
+#if HAS_CLAMP
+    s.bounds = bounds_of(clamp_direct, clamp_indirect, cut);
+#endif
 #if SORTED
     uint8 order[SHADE_RAYS / LANES];
     order_by_kind(&s, begin, end, (uint *)order);

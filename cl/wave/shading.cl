@@ -2,6 +2,7 @@
 // What the shading of a queue reads and writes. Included by wave/shade.cl.
 #include "base/light_sample.cl"
 #include "accel/geometry.cl"
+#include "wave/arrive.cl"
 #include "wave/fault.cl"
 #include "wave/path.cl"
 #include "wave/vertex.cl"
@@ -42,6 +43,9 @@ typedef struct {
 #if SORTED
     uint begin;         // of the item's part of the queue
     const uint *order;  // its places in the order of shading
+#endif
+#if HAS_CLAMP
+    Bounds bounds;
 #endif
 } Shading;
 

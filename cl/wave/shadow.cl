@@ -5,6 +5,7 @@
 #include "accel/traverse.cl"
 #include "accel/queries8.cl"
 #include "accel/unblocked.cl"
+#include "wave/arrive.cl"
 #include "wave/path.cl"
 
 // Adds the light of every queued shadow ray that meets nothing, or what comes through, to its sample, whose index is in
@@ -13,7 +14,7 @@
 VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
 kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
                    global const uint *counters, global const Ray *shadow_rays, global const float4 *shadow_light,
-                   global float4 *samples)
+                   global float4 *samples CLAMP_ARGUMENTS)
 {
     const uint count = counters[COUNTER_SHADOW];
     const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
@@ -35,7 +36,7 @@ kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
         const float share = share_unblocked(g, extent, objects, materials, shadow_rays[slot]);
         if (share > 0.0f) {
             const float4 light = shadow_light[slot];
-            samples[bits_of(light.w)] += make4(xyz(light) * share, 0.0f);
+            arrive(samples, bits_of(light.w), make4(xyz(light) * share, 0.0f) BOUNDS_GIVEN);
         }
 #else
 #if DEVICE_GPU
@@ -49,7 +50,7 @@ kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
 #endif
         if (!met) {
             const float4 light = shadow_light[slot];
-            samples[bits_of(light.w)] += make4(xyz(light), 0.0f);
+            arrive(samples, bits_of(light.w), make4(xyz(light), 0.0f) BOUNDS_GIVEN);
         }
 #endif
     }

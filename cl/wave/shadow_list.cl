@@ -5,6 +5,7 @@
 #include "accel/traverse.cl"
 #include "accel/listed.cl"
 #include "accel/unblocked.cl"
+#include "wave/arrive.cl"
 #include "wave/path.cl"
 
 // `shadow` for scenes of few triangles: sets of eight rays through all of them; an item takes TILE rays.
@@ -12,7 +13,7 @@
 VEC_LEN_HINT __attribute__((reqd_work_group_size(TILE_GROUP, 1, 1)))
 kernel void shadow_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
                         global const uint *counters, global const Ray *shadow_rays,
-                        global const float4 *shadow_light, global float4 *samples)
+                        global const float4 *shadow_light, global float4 *samples CLAMP_ARGUMENTS)
 {
     const uint count = counters[COUNTER_SHADOW];
     const uint begin = (uint)get_global_id(0) * TILE;
@@ -47,7 +48,7 @@ kernel void shadow_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS MASK_ARGUMENTS, global
 #endif
             if (share > 0.0f) {
                 const float4 light = shadow_light[slot];
-                samples[bits_of(light.w)] += make4(xyz(light) * share, 0.0f);
+                arrive(samples, bits_of(light.w), make4(xyz(light) * share, 0.0f) BOUNDS_GIVEN);
             }
         }
     }

@@ -4,13 +4,14 @@
 #include "accel/geometry.cl"
 #include "accel/packet.cl"
 #include "accel/unblocked.cl"
+#include "wave/arrive.cl"
 
 // `shadow` for queues in which 64 neighbouring rays nearly agree: an item takes 64 of them.
 // Race rule: slots in a queue are distinct, and no two of them share a sample.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(4, 1, 1)))
 kernel void shadow_packet(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
                           global const uint *counters, global const Ray *shadow_rays,
-                          global const float4 *shadow_light, global float4 *samples)
+                          global const float4 *shadow_light, global float4 *samples CLAMP_ARGUMENTS)
 {
     const uint count = counters[COUNTER_SHADOW];
     const uint begin = (uint)get_global_id(0) * PACKET_RAYS;
@@ -24,14 +25,14 @@ kernel void shadow_packet(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *
     for (uint i = 0u; i < size; i++) {
         if (!packet_met(&p, i)) {
             const float4 light = shadow_light[queue[begin + i]];
-            samples[bits_of(light.w)] += make4(xyz(light), 0.0f);
+            arrive(samples, bits_of(light.w), make4(xyz(light), 0.0f) BOUNDS_GIVEN);
         }
 #if HAS_OPACITY
         else {
             const uint slot = queue[begin + i];
             const float share = share_unblocked(g, geometry_extent(g), objects, materials, shadow_rays[slot]);
             const float4 light = shadow_light[slot];
-            samples[bits_of(light.w)] += make4(xyz(light) * share, 0.0f);
+            arrive(samples, bits_of(light.w), make4(xyz(light) * share, 0.0f) BOUNDS_GIVEN);
         }
 #endif
     }

@@ -164,9 +164,9 @@ static uint sound_lanes(const Vector8 carried, const Vector8 origin, const Vecto
 
 #if HAS_LIGHTS
 // sample_direct: stores rays and their light; gives the lanes that ask whether they arrive. Those where anything is
-// unsound leave v->lanes.
+// unsound leave v->lanes. `words`: those of arriving light.
 static uint direct_of(const Lights lights, const Geometry g, global const Material *materials, Vertices8 *v,
-                      const Rows8 u, const uint8 slot, const uint8 prim, const uint8 sample, global Ray *shadow_rays,
+                      const Rows8 u, const uint8 slot, const uint8 prim, const uint8 words, global Ray *shadow_rays,
                       global float4 *shadow_light LEFT_NORMALS_ARGUMENT)
 {
     if (lights.count == 0u) {
@@ -190,7 +190,7 @@ static uint direct_of(const Lights lights, const Geometry g, global const Materi
     v->lanes &= movemask8((light.pdf == light.pdf) & (same_side == same_side)) & ~(asks & ~sound);
     put_rows((global float4 *)&shadow_rays->origin, slot * 2u, rows8(origin, as_float8(prim)), v->lanes);
     put_rows((global float4 *)&shadow_rays->direction, slot * 2u, direction, v->lanes);
-    put_rows(shadow_light, slot, rows8(arriving, as_float8(sample)), v->lanes);
+    put_rows(shadow_light, slot, rows8(arriving, as_float8(words)), v->lanes);
     return asks;
 }
 #endif

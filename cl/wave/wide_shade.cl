@@ -4,6 +4,7 @@
 #include "base/portable.cl"
 #include "base/wide.cl"
 #include "base/wide_sampler.cl"
+#include "wave/arrive.cl"
 #include "wave/numbers.cl"
 #include "wave/path.cl"
 #include "wave/shading.cl"
@@ -160,7 +161,7 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     uint asking = 0u;
 #if HAS_LIGHTS
     asking = direct_of(s->lights, s->g, s->materials, &v, light_numbers8(sampler, joins, edge, s->lights.count > 1u),
-                       slot, prim, sample, s->shadow_rays, s->shadow_light LEFT_NORMALS);
+                       slot, prim, arriving_words8(sample, edge), s->shadow_rays, s->shadow_light LEFT_NORMALS);
 #endif
     const int lobes = s->settings->roulette_start != 0u || other_lanes(v.kind, v.lanes) != 0u;
     const uint living = onward_of(s, &v, slot, prim, path, onward_numbers8(sampler, joins, edge, lobes) CAUSTICS);

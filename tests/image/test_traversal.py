@@ -12,7 +12,7 @@ from raytide.device import Device
 from raytide.device.cache import FileCache
 from raytide.errors import UsageError
 from raytide.kernels.constants import LIST_TRIANGLES
-from raytide.render import trial
+from raytide.render import later, trial
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SHOWN = ("cornell/cornell", "terrain/terrain", "whitted/whitted", "blob/blob", "lights/sphere", "materials/dielectric")
@@ -98,6 +98,7 @@ def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own for what trials find, and launches of any size that count."""
     monkeypatch.setattr(trial, "FileCache", lambda kind: FileCache(kind, tmp_path))
     monkeypatch.setattr(trial, "FEWEST_RAYS", 64)
+    monkeypatch.setattr(later, "ENOUGH", 0)  # renders of any length have all variants
     return tmp_path / "traversal"
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from raytide.accel.boxes import centers_of, edge_scale, primitive_boxes
-from raytide.accel.device_tree import DeviceBuilder, build_source
+from raytide.accel.device_tree import NO_PROGRAMS, DeviceBuilder, build_sources
 from raytide.accel.host_sah import sah_order
 from raytide.accel.host_tree import HostTree, pack_blocks
 from raytide.accel.limits import max_depth
@@ -35,10 +36,11 @@ _ONE_LEAF = 8  # primitives that reinsertion cannot improve
 MAX_PRIMITIVES = 1 << 27
 
 
-def tree_sources(geometry: FlatGeometry, builder: str) -> dict[str, Source]:
-    """Programs that `build_tree` will ask for, so that they can be compiled side by side with others."""
+def tree_sources(geometry: FlatGeometry, builder: str, refit: bool = False) -> dict[str, Source]:
+    """Programs that `build_tree`, and with `refit` `update_tree`, will ask for, so that they can be compiled side by
+    side with others."""
     wanted = builder != "none" and geometry.primitive_count > _host_limit(builder)
-    return {"bvh": build_source()} if wanted else {}
+    return build_sources(builder, refit) if wanted else {}
 
 
 def build_tree(
@@ -46,13 +48,13 @@ def build_tree(
     builder: str,
     device: Device | None,
     place: Literal["", "host", "device"] = "",
-    program: Program | None = None,
+    programs: Mapping[str, Program] = NO_PROGRAMS,
 ) -> Tree:
     """The 8-wide tree of `geometry`; the same bytes on every run, and from the host and the device builder.
 
     builder: "sah" (binned surface area heuristic), "sah-hq" (the same, then its subtrees move to where they cost less;
     the host leaves that out), "lbvh" (Morton order) or "none" (blocks only, for brute force). `place` "host" or
-    "device" overrides the choice by size. `program`: the "bvh" of `tree_sources`, where it is built already. Raises
+    "device" overrides the choice by size. `programs`: those of `tree_sources`, where they are built already. Raises
     UsageError for an unknown builder and for more primitives than child words can name.
     """
     if builder not in BUILDERS:
@@ -69,7 +71,7 @@ def build_tree(
     on_host = place == "host" or device is None or few
     if on_host and builder == "sah-hq":
         builder = "sah"
-    source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device, program)
+    source = _HostBuilder(geometry) if on_host or device is None else DeviceBuilder(geometry, device, programs)
     tree: BinaryTree = source.tree(builder)
     found = cut(tree, max_depth())
     if found is None:  # positions of very different size; only the SAH builder bounds its depth

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,19 +29,62 @@ _LOCAL = 64
 _DIGITS = 256  # build/radix.cl
 _IS_GROUP = 1 << 24  # build/hierarchy.cl
 
+NO_PROGRAMS: Mapping[str, Program] = MappingProxyType({})
 
-def build_source() -> Source:
-    """The program of all build kernels; the same for every scene."""
-    return assemble("build/bvh.cl", Features())
+
+# Programs by the start of their kernels' names; all other kernels are in "bvh".
+_PROGRAMS = {"top": "bvh_sah", "subtrees": "bvh_sah", "morton": "bvh_lbvh", "radix": "bvh_lbvh",
+             "reinsert": "bvh_reinsert", "refit": "bvh_refit"}  # fmt: skip
+_ENTRIES = {"bvh": "bvh", "bvh_sah": "sah", "bvh_lbvh": "lbvh", "bvh_reinsert": "reinsert_order", "bvh_refit": "refit"}
+_OF_BUILDER = {"sah": ("bvh", "bvh_sah"), "sah-hq": ("bvh", "bvh_sah", "bvh_reinsert"), "lbvh": ("bvh", "bvh_lbvh")}
+
+
+def program_of(kernel: str) -> str:
+    """The name of the program that a kernel of cl/build/ is in."""
+    return _PROGRAMS.get(kernel.partition("_")[0], "bvh")
+
+
+def build_source(program: str) -> Source:
+    """One of the programs of cl/build/; the same for every scene."""
+    return assemble(f"build/{_ENTRIES[program]}.cl", Features())
+
+
+def build_sources(builder: str, refit: bool = False) -> dict[str, Source]:
+    """The programs that a builder runs, by name; with `refit` that of new positions in its trees, too."""
+    return {name: build_source(name) for name in (*_OF_BUILDER[builder], *(("bvh_refit",) if refit else ()))}
+
+
+class BuildPrograms:
+    """The programs of cl/build/ on a device: those `given`, and others once a kernel of theirs is launched."""
+
+    def __init__(self, device: Device, given: Mapping[str, Program]) -> None:
+        self._device, self._programs = device, {name: given[name] for name in _ENTRIES if name in given}
+        self._before = {name: _compiled_s(program) for name, program in self._programs.items()}
+
+    def of(self, kernel: str) -> Program:
+        name = program_of(kernel)
+        if name not in self._programs:
+            self._programs |= self._device.build({name: build_source(name)})
+        return self._programs[name]
+
+    @property
+    def build_s(self) -> float:
+        """Seconds that compiling took since the start: of programs, and of kernels at their first launch."""
+        return sum(_compiled_s(program) - self._before.get(name, 0.0) for name, program in self._programs.items())
+
+
+def _compiled_s(program: Program) -> float:
+    return program.build_s + program.first_launch_s
 
 
 class DeviceBuilder:
     """Binary trees by kernels. Every launch is in order; nothing is read back but what the host needs to go on."""
 
-    def __init__(self, geometry: FlatGeometry, device: Device, program: Program | None = None) -> None:
+    def __init__(
+        self, geometry: FlatGeometry, device: Device, programs: Mapping[str, Program] = NO_PROGRAMS
+    ) -> None:
         self.geometry, self.device = geometry, device
-        self.program = program or device.build({"bvh": build_source()})["bvh"]
-        self._build_s_before = 0.0 if program is None else program.build_s + program.first_launch_s
+        self._programs = BuildPrograms(device, programs)
         self.count = geometry.primitive_count
         self.chunk = _CHUNK.get(device.kind, _CHUNK_OTHERWISE)
         self.vertices, self.triangles = device.upload(geometry.vertices), device.upload(geometry.triangles)
@@ -49,12 +94,12 @@ class DeviceBuilder:
 
     @property
     def kernel_build_s(self) -> float:
-        """Seconds that compiling took since the start: of the program, and of its kernels at their first launch."""
-        return float(self.program.build_s + self.program.first_launch_s - self._build_s_before)
+        """Seconds that compiling took since the start."""
+        return self._programs.build_s
 
     def launch(self, kernel: str, items: int, *arguments: Buffer | np.generic, local: int = _LOCAL) -> None:
         """`items` work-items; kernels take their number as first argument."""
-        self.device.launch(self.program, kernel, items, local, np.uint32(items), *arguments, label="build")
+        self.device.launch(self._programs.of(kernel), kernel, items, local, np.uint32(items), *arguments, label="build")
 
     def _primitive_boxes(self) -> Buffer:
         boxes = self.device.empty(self.count * 32)

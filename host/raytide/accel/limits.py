@@ -25,4 +25,4 @@ def max_depth() -> int:
 
 def max_binary_depth() -> int:
     """Depth of the binary SAH tree before its collapse, at most."""
-    return kernel_constant("build/bvh.cl", "MAX_BINARY_DEPTH")
+    return kernel_constant("build/sah.cl", "MAX_BINARY_DEPTH")

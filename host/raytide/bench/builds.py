@@ -37,21 +37,20 @@ def measure_builds(device: Device, plan: Plan, say: Say) -> dict[str, Any]:
 def measured(device: Device, plan: Plan, geometry: Any, builder: str) -> dict[str, Any]:
     """One builder on one mesh. The first build, with loading or compiling its kernels, stands apart."""
     begun = time.perf_counter()
-    programs = device.build(tree_sources(geometry, builder)) if tree_sources(geometry, builder) else {}
-    program = programs.get("bvh")
+    programs = device.build(tree_sources(geometry, builder))
     compile_s = time.perf_counter() - begun
     first = time.perf_counter()
-    tree = build_tree(geometry, builder, device, program=program)
+    tree = build_tree(geometry, builder, device, programs=programs)
     first_s = time.perf_counter() - first
 
     def once() -> float:
-        build_tree(geometry, builder, device, program=program)
+        build_tree(geometry, builder, device, programs=programs)
         device.finish()
         return sum(seconds for _, seconds in device.take_times().values())
 
     device.take_times()
     found = repeat(once, plan, device.info.type == "cpu")
-    same = builder_is_repeatable(tree, build_tree(geometry, builder, device, program=program), device)
+    same = builder_is_repeatable(tree, build_tree(geometry, builder, device, programs=programs), device)
     stats = tree.stats
     row = {
         "summary": summary_of_kept(len(geometry.triangles), found, plan, "triangles"),

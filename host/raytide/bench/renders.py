@@ -112,6 +112,7 @@ def timed(
     """Equal pictures, again and again, without verification between them."""
     device.reset_peak()
     with Renderer(scene, device, max_depth=workload.max_depth, size=plan.size, seed=SEED) as renderer:
+        renderer.complete()
         renderer.trial.forget()
         spp = samples_for(renderer, plan.value_s)
 

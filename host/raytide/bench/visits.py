@@ -36,6 +36,7 @@ def measure_again(device: Device, name: str, plan: Plan, spp: int, origin: float
     with tempfile.TemporaryDirectory(prefix="raytide-bench-") as folder:
         scene = workload.make(Path(folder), None)
         with Renderer(scene, device, max_depth=workload.max_depth, size=plan.size, seed=SEED) as renderer:
+            renderer.complete()
             renderer.trial.forget()
             found = repeat(lambda: picture_again(renderer, spp), plan.of_one_visit(), shares_processor(device), origin)
             check_timed(renderer.film, load_references()[name], validity)

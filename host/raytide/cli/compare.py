@@ -75,6 +75,7 @@ class Picture:
     variance: np.ndarray | None
     seed: str | None
     scene: str | None
+    bias: str | None = None  # what the file says of light that clamping took
 
     @property
     def size(self) -> str:
@@ -87,13 +88,14 @@ def read(path: Path) -> Picture:
     import numpy as np
 
     from raytide.image import read_exr
+    from raytide.render.bias import told_bias
 
     image = read_exr(path)
     variance, rgb = image.layers.get("variance"), image.rgb
     known = variance is not None and variance.shape == rgb.shape and bool(np.isfinite(variance).all())
     told = {key: image.header.get(f"raytide.{key}") for key in ("seed", "scene_sha256")}
     seed, scene = (None if value is None else str(value) for value in told.values())
-    return Picture(path, rgb, variance if known else None, seed, scene)
+    return Picture(path, rgb, variance if known else None, seed, scene, told_bias(image.header))
 
 
 def compared(a: Picture, b: Picture, reference: Picture | None = None) -> dict[str, Any]:
@@ -115,6 +117,9 @@ def compared(a: Picture, b: Picture, reference: Picture | None = None) -> dict[s
     if a.scene and b.scene and a.scene != b.scene:
         notes.append("the files name different scenes")
     agrees = errors["nonfinite"] == 0 and (same or (test is not None and test.agrees))
+    for one in (a, b, *([reference] if reference else [])):
+        if one.bias:
+            notes.append(f"{one.path} is {one.bias}; no variance layer covers that")
     return {
         "schema": "raytide.compare/1",
         "a": str(a.path),

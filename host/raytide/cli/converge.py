@@ -114,6 +114,7 @@ def truth_of(plan: Plan, devices: Devices, reference: Path | None, spp: int | No
         return read_reference(reference)
     scene = load_variant(plan, Variant("reference"))
     scene.render.spp = slice_spp(plan, spp)
+    scene.render.clamp_direct = scene.render.clamp_indirect = None  # so that what clamping takes counts as error
     with Renderer(scene, devices.open(plan.variants[0].device)) as renderer:
         return made_reference(renderer, plan, output, reporter)
 

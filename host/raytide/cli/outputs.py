@@ -71,15 +71,22 @@ def summary(scene: Scene, film: Film, signals: StopOnSignal, stopped_by: str | N
     if as_json:
         named = ("spp", "seconds", "rays", "mrays_per_s", "error", "device")
         row = {key: stats.get(key) for key in named} | {"size": scene.camera.size, "partial": bool(signals.number)}
+        row["bias"] = film.bias.as_dict() if film.bias else None
         return json.dumps({"event": "done"} | row | {"stopped_by": stopped_by})
     height, width = film.rgb.shape[:2]
     parts = [f"{width}x{height}", f"{film.spp} spp in {stats.get('seconds', 0.0):.2f} s"]
     parts.append(f"{stats.get('mrays_per_s', 0.0):.1f} Mrays/s")
     known = film.error
-    parts.append(f"estimated error {percent(known.error)}" if known else "error unknown (4 spp and more tell it)")
+    told = f"estimated error {percent(known.error)}" if known else "error unknown (4 spp and more tell it)"
+    parts.append(f"{told}{bias_words(film)}")
     parts.append(f"ended by {stopped_by}")
     partial = f" (partial: {SIGNALS[signals.number]})" if signals.number else ""
     return f"raytide: {', '.join(parts)} on {stats.get('device', 'an unnamed device')}{partial}"
+
+
+def bias_words(film: Film) -> str:
+    """What to add to the estimated error of a picture that clamping made darker; nothing for others."""
+    return f" of noise alone, {film.bias}" if film.bias else ""
 
 
 def check_health(film: Film) -> None:

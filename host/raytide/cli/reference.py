@@ -59,6 +59,7 @@ def reference(
         Only errors on stderr.
     """
     from raytide.cli.options import check_outputs
+    from raytide.render.bias import refuse_clamped
     from raytide.scene.load import load
 
     if output is None or output.suffix.lower() != ".exr":
@@ -70,6 +71,7 @@ def reference(
         loaded = load(scene, overrides=changes or [], allow_outside=allow_outside)
         loaded.camera.size = picture_size(size) or loaded.camera.size
         loaded.render.spp = spp
+        refuse_clamped(loaded.render, "a reference")
         reporter = Reporter(signals, quiet)
         render_slices(loaded, output, slices, device, threads, reporter)
     return reporter.ended()

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from raytide.cli.config import Settings
 from raytide.cli.job import Job
 from raytide.cli.options import check_outputs
-from raytide.cli.outputs import check_health
+from raytide.cli.outputs import bias_words, check_health
 from raytide.cli.parameters import Exposure, Half, LogJson, NoClobber, Outputs, Quiet, Verbose
 from raytide.cli.progress import progress_for, set_up_logging
 from raytide.cli.progress_text import percent
@@ -95,6 +95,7 @@ def merge(
     if not quiet:
         height, width = film.rgb.shape[:2]
         error = f"estimated error {percent(film.error.error)}" if film.error else "error unknown"
+        error += bias_words(film)
         print(f"raytide: {width}x{height}, {film.spp} spp of {len(shards)} shards, {error}", file=sys.stderr)
     print(*output, sep="\n", flush=True)
     check_health(film)

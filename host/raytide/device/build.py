@@ -58,7 +58,7 @@ class Builder:
 
     def __init__(self, cl: ModuleType, context: Any, handle: Any, info: DeviceInfo, options: tuple[str, ...]) -> None:
         self._cl, self._context, self._handle = cl, context, handle
-        self._info, self._options = info, options
+        self._info, self.options = info, options
         self._cache = FileCache("kernels")
         self._children: Children | None = None
 
@@ -81,6 +81,12 @@ class Builder:
         self._cache.report_damage()
         return {name: done[name] for name in sources}
 
+    def load(self, sources: Mapping[str, SourceLike]) -> dict[str, Program]:
+        """Those programs, by name, that need no compiling."""
+        found = {name: self._from_cache(name, source) for name, source in sources.items()}
+        self._cache.report_damage()
+        return {name: program for name, program in found.items() if program}
+
     def close(self) -> None:
         """Let the compiling children go."""
         if self._children:
@@ -88,11 +94,11 @@ class Builder:
 
     def _from_cache(self, name: str, source: SourceLike) -> Program | None:
         start = time.perf_counter()
-        key = binary_key(self._info, self._options, source.sha256)
+        key = binary_key(self._info, self.options, source.sha256)
         entry = self._cache.get(key)
         if entry is None:
             return None
-        raw = load_binary(self._cl, self._context, self._handle, entry.payload)
+        raw = load_binary(self._cl, self._context, self._handle, entry.payload, self.options)
         if raw is None:
             self._cache.drop(key)
             return None
@@ -127,14 +133,14 @@ class Builder:
     def _compile(self, name: str, source: SourceLike) -> Program:
         raw = None
         if self._children:
-            done = self._children.compile(name, source.text, self._options)
-            raw = load_binary(self._cl, self._context, self._handle, done.binary)
+            done = self._children.compile(name, source.text, self.options)
+            raw = load_binary(self._cl, self._context, self._handle, done.binary, self.options)
         if raw is None:
             raw, done = compile_text(
-                self._cl, self._context, self._handle, self._info, name, source.text, self._options
+                self._cl, self._context, self._handle, self._info, name, source.text, self.options
             )
         facts = {"name": name, "device": self._info.id, "log": done.log, "build_s": round(done.build_s, 4)}
-        self._cache.put(binary_key(self._info, self._options, source.sha256), facts, done.binary)
+        self._cache.put(binary_key(self._info, self.options, source.sha256), facts, done.binary)
         return Program(name, source.sha256, raw, done.build_s, "miss", done.log, compiled_s=done.build_s)
 
 

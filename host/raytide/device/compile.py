@@ -18,6 +18,8 @@ from raytide.device.cache import digest
 from raytide.device.failure import BuildFailure, build_failure
 from raytide.device.info import DeviceInfo
 
+FLUSHED = "-cl-denorms-are-zero"
+FLUSHES = "-DFLUSHES_DENORMALS=1"  # chooses the forms that do without denormals (cl/accel/watertight.cl)
 _FORMAT = "1"  # of cached binaries; raise it when their meaning changes
 
 
@@ -80,11 +82,15 @@ def compile_text(
     return program, Compiled(bytes(binary), _log(cl, program, handle), time.perf_counter() - start)
 
 
-def load_binary(cl: ModuleType, context: Any, handle: Any, binary: bytes) -> Any | None:
-    """pyopencl's program from a binary; None where the driver refuses it."""
+def load_binary(cl: ModuleType, context: Any, handle: Any, binary: bytes, options: Sequence[str] = ()) -> Any | None:
+    """pyopencl's program from a binary; None where the driver refuses it.
+
+    Of the options that it was compiled with, one must be said again: PoCL flushes denormals by a state of the
+    processor, which is no part of the code.
+    """
     try:
         program = cl._cl._Program(context, [handle], [binary])
-        program._build(b"", [handle])
+        program._build(FLUSHED.encode() if FLUSHED in options else b"", [handle])
     except cl.Error:
         return None
     return program

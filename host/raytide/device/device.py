@@ -13,7 +13,7 @@ import numpy as np
 from raytide.device import environment, find
 from raytide.device.build import Builder, Program, Progress, SourceLike
 from raytide.device.clock import Clock, event_seconds
-from raytide.device.compile import build_options
+from raytide.device.compile import FLUSHED, FLUSHES, build_options
 from raytide.device.failure import OpenCLFailure, failure, human
 from raytide.device.info import DeviceInfo
 from raytide.device.memory import Buffer, Ledger
@@ -43,7 +43,7 @@ class Device:
         """`options` go to the compiler beside those of every build; only checks of the arithmetic use them."""
         self._cl = cl
         self.info = info
-        self.options = (*build_options(info), *options)
+        self.options = (*build_options(info), *options, *([FLUSHES] if FLUSHED in options else []))
         try:
             handle = cl.get_platforms()[info.place[0]].get_devices()[info.place[1]]
             handle = _limited(cl, handle, info, threads)
@@ -57,6 +57,7 @@ class Device:
         self._ledger = Ledger(cl, self._context, info)
         self._clock = Clock(cl.command_execution_status.COMPLETE)
         self._probes: ProbeResult | None = load_probe(info, self.options)
+        self._adapted()
 
     @property
     def kind(self) -> str:
@@ -69,7 +70,15 @@ class Device:
         if self._probes is None:
             source = probe_source()
             self._probes = run_probe(self, self._builder.build({source.name: source})[source.name])
+            self._adapted()
         return self._probes
+
+    def _adapted(self) -> bool:
+        """True once, where the probe finds that denormals vanish: from now on programs are built for that."""
+        if self._probes is None or not self._probes.flushes or FLUSHES in self.options:
+            return False
+        self.options = self._builder.options = (*self.options, FLUSHES)
+        return True
 
     def build(self, sources: Mapping[str, SourceLike], progress: Progress | None = None) -> dict[str, Program]:
         """Build programs side by side, from the cache where possible; `progress` hears of each as it is done.
@@ -81,10 +90,16 @@ class Device:
             source = probe_source()
             programs = self._builder.build({**sources, source.name: source}, progress)
             self._probes = run_probe(self, programs.pop(source.name))
+            if self._adapted():
+                programs = self._builder.build(sources, progress)
         else:
             programs = self._builder.build(sources, progress)
         self._probes.refuse_if_unfit(self.info)
         return programs
+
+    def load(self, sources: Mapping[str, SourceLike]) -> dict[str, Program]:
+        """Those of the programs, by name, that are in the cache: nothing is compiled."""
+        return self._builder.load(sources)
 
     def empty(self, nbytes: int) -> Buffer:
         """A buffer with undefined contents; 0 bytes give a valid dummy."""

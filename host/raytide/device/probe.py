@@ -54,6 +54,11 @@ class ProbeResult:
         return tuple(reasons)
 
     @property
+    def flushes(self) -> bool:
+        """Whether denormals vanish, made or read."""
+        return not (self.denormals_made and self.denormals_read)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What weakens the promises, but not the trust."""
         said = []
@@ -63,7 +68,7 @@ class ProbeResult:
             said.append(f"fma rounds twice on {100.0 * (1.0 - self.fma_once):.3g} % of inputs")
         if not self.nan_compares_false:
             said.append("comparisons with NaN are true")
-        if not (self.denormals_made and self.denormals_read):
+        if self.flushes:
             said.append("denormal numbers are flushed to zero")
         return tuple(said)
 

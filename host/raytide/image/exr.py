@@ -21,7 +21,8 @@ HALF_MAX = 65504.0
 HALF_LAYERS = ("beauty", "albedo")  # what --half may narrow: colours that people look at
 COLOUR, DATA = "lin_rec709_scene", "data"
 COLOUR_LAYERS = ("beauty", "albedo")
-CHANNELS = {"beauty": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "depth": "Z", "variance": "RGB"}
+CHANNELS = {"beauty": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "depth": "Z", "variance": "RGB",
+            "cut": "RGB"}  # fmt: skip
 INTEGER_LIMIT = 2**31  # EXR integers are 32 bit; larger ones are written as text
 MAX_READ_BYTES = 4 << 30
 RESERVED = frozenset(("channels", "chromaticities", "chunkCount", "colorInteropID", "compression", "dataWindow",

@@ -52,6 +52,7 @@ class Features:
     local: bool = False  # integrator local, else path
     photon: bool = False  # integrator photon: light is traced from the lights to the camera
     caustics: bool = False  # integrator path: light that mirrors and clear glass gather is traced so
+    clamp: bool = False  # what one vertex adds to a sample is bounded, and what that cuts away is counted
     sobol: bool = True  # else plain random numbers
     chance_sky: bool = False  # the sky is found by rays that scatter alone, never by shadow rays
     daylight: bool = False  # the sky follows a formula

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from raytide.errors import UsageError
+from raytide.render.bias import Bias, bias_of
 from raytide.render.error import ErrorEstimate, estimate
 from raytide.render.film_sums import Sums
 from raytide.render.tile_error import TileErrors, tile_errors
@@ -23,12 +24,14 @@ SUFFIXES = (".exr", ".png")
 @dataclass(frozen=True)
 class FilmData:
     """Film buffers as read from the device: sums, differences (h, w, 3, 4) float32, the samples left out by cause, and
-    the unsound values that were met by origin, path edge and cause: `direct[2] non_finite`."""
+    the unsound values that were met by origin, path edge and cause: `direct[2] non_finite`. `cut`: sums of what
+    clamping took, where it was asked for; its `hits` are samples that were clamped."""
 
     sums: Sums
     differences: np.ndarray
     health: dict[str, int]
     faults: dict[str, int] = field(default_factory=dict)
+    cut: Sums | None = None
 
 
 @dataclass
@@ -107,17 +110,25 @@ class Film:
         path's, as in the waves of a report, the last bin for all longer paths. Empty where all was sound."""
         return self.data.faults
 
+    @cached_property
+    def bias(self) -> Bias | None:
+        """How much light clamping took; None where nothing was clamped. No error estimate covers it."""
+        return bias_of(self.data.sums, self.data.cut) if self.data.cut else None
+
     @property
     def stats(self) -> dict[str, object]:
         """Samples, seconds, rays, Mrays/s, device, and the estimated error, the root of relMSE (None where unknown)."""
         return {**self.figures, "error": self.error.error if self.error else None}
 
     def layers(self, names: Sequence[str] = LAYERS) -> dict[str, np.ndarray]:
-        """Named layers beside the picture. UsageError lists the names for an unknown one."""
-        for name in names:
-            if name not in LAYERS:
-                raise UsageError(f"layer: came {name!r}; wanted one of {', '.join(LAYERS)}")
+        """Named layers beside the picture; of a clamped one also `cut` (h, w, 3), the radiance that it lost. UsageError
+        lists the names for an unknown one."""
         known: dict[str, np.ndarray] = {"samples": self.samples, "variance": self.variance}
+        if self.data.cut:
+            known["cut"] = self.data.cut.means
+        for name in names:
+            if name not in (*LAYERS, *known):
+                raise UsageError(f"layer: came {name!r}; wanted one of {', '.join((*LAYERS, *list(known)[2:]))}")
         if any(name not in known for name in names):
             known |= self.read_layers()
         return {name: known[name] for name in names}
@@ -131,7 +142,8 @@ class Film:
         exposure: float = 0.0,
         no_clobber: bool = False,
     ) -> None:
-        """Writes .exr (beauty and the layers in `aovs`) or .png (sRGB after `exposure` stops), by the suffix.
+        """Writes .exr (beauty and the layers in `aovs`, with `cut` where there is one) or .png (sRGB after `exposure`
+        stops), by the suffix.
 
         The file appears only when it is complete. UsageError for other suffixes or, with `no_clobber`, a file
         that exists; RaytideError where it cannot be written.
@@ -140,9 +152,11 @@ class Film:
 
         suffix = Path(path).suffix.lower()
         if suffix == ".png":
-            image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text={"Software": "raytide"})
+            text = {"Software": "raytide"} | ({"Comment": str(self.bias)} if self.bias else {})
+            image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text=text)
         elif suffix == ".exr":
-            parts = {"beauty": np.dstack((self.rgb, self.alpha))} | self.layers(aovs)
+            cut = ("cut",) if aovs and self.data.cut else ()
+            parts = {"beauty": np.dstack((self.rgb, self.alpha))} | self.layers((*aovs, *cut))
             written = image.write_exr(path, parts, self.header(), half=half, no_clobber=no_clobber)
             self.saturated = written.saturated
         else:
@@ -154,7 +168,7 @@ class Film:
 
         own = dict(self.provenance.get("raytide", {}))  # type: ignore[call-overload]
         own |= {"error": self.error.as_dict() if self.error else None, "excluded_samples": self.health,
-                "faults": self.faults}  # fmt: skip
+                "faults": self.faults, "bias": self.bias.as_dict() if self.bias else None}  # fmt: skip
         return {**self.provenance, "raytide": own, **image.capture_date()}
 
     def _repr_png_(self) -> bytes:

@@ -15,40 +15,43 @@ from raytide.errors import UsageError
 from raytide.kernels.constants import EDGE_BINS, FAULT_COUNTERS, FAULTS, HEALTH, SOUND, TILE, TILE_SIDE
 from raytide.render import schedule
 from raytide.render.adaptive import Allocation
+from raytide.render.bias import CUT
 from raytide.render.film import FilmData
-from raytide.render.film_sums import Sums, slabs
+from raytide.render.film_buffers import PIXEL_BYTES, ROWS, FilmBuffers
+from raytide.render.film_sums import Sums
 from raytide.render.light_paths import LightPaths
 from raytide.render.schedule import Chunk
 from raytide.render.waves import Groups, RayCounts, Waves
-
-ROWS = 3  # of squared differences a pixel
-SUMS = ("sum_hi", "sum_lo", "block_hi", "block_lo", "half_sum")  # of the closed blocks of samples, of the open one
-PIXEL_BYTES = (len(SUMS) + ROWS) * 16
 
 
 class Frame:
     """Adds samples to a picture of `size` (width, height) until it is told to stop, and goes on from there."""
 
     def __init__(
-        self, device: Device, program: Program, settings: Buffer, size: tuple[int, int], *, adaptive: bool = False
-    ) -> None:
-        """`adaptive`: tiles get numbers of samples of their own, as adaptive.py decides."""
+        self, device: Device, program: Program, settings: Buffer, size: tuple[int, int], *, adaptive: bool = False,
+        clamped: bool = False,
+    ) -> None:  # fmt: skip
+        """`adaptive`: tiles get numbers of samples of their own, as adaptive.py decides; `clamped`: what bounds cut
+        away is a picture of its own, `cut`."""
         self.allocation = Allocation(size) if adaptive else None
         self.device, self._program, self._settings, self.size = device, program, settings, size
         self.pixels = size[0] * size[1]
         self.tiles = schedule.tiles_of(size)
         self._check_fits()
-        self._sums = [device.empty(self.pixels * 16) for _ in SUMS]
-        self._differences = device.empty(self.pixels * 16 * ROWS)
-        self._health = device.empty(64)
+        self._film = FilmBuffers(device, size)
+        self.cut = FilmBuffers(device, size) if clamped else None
         self.light: LightPaths | None = None  # integrator photon: what every pass begins with
         self.faults = device.empty(FAULT_COUNTERS * 4)  # where `shade` counts what is unsound
         self.restart()
 
     @property
+    def _films(self) -> list[FilmBuffers]:
+        return [self._film, self.cut] if self.cut else [self._film]
+
+    @property
     def nbytes(self) -> int:
         """Bytes of the film on the device."""
-        return self.pixels * PIXEL_BYTES + (self.light.splats.nbytes if self.light else 0)
+        return self.pixels * PIXEL_BYTES * (2 if self.cut else 1) + (self.light.splats.nbytes if self.light else 0)
 
     def _check_fits(self) -> None:
         largest, limit = self.pixels * 16 * ROWS, self.device.info.max_alloc_bytes
@@ -60,8 +63,9 @@ class Frame:
 
     def restart(self, first: int = 0) -> None:
         """No samples; those below number `first` are left to others."""
-        for buffer in (*self._sums, self._differences, self._health, self.faults):
-            self.device.fill(buffer, 0)
+        for film in self._films:
+            film.restart()
+        self.device.fill(self.faults, 0)
         self.device.take_times()
         if self.allocation:
             self.allocation.restart()
@@ -168,24 +172,31 @@ class Frame:
         while self.light and self._unlit:
             if stopped():
                 return False
-            self.light.run(self._unlit.popleft(), self._health)
+            self.light.run(self._unlit.popleft(), self._film.health)
             between()
-        more = self.light.film_arguments(self._pass[1]) if self.light else ()
         while self._pending:
             chunk = self._pending[0]
             groups = self.groups_of(chunk)
             if not waves.run(chunk, stopped, groups):
                 return False
-            self.device.launch(
-                self._program, "film", chunk[1] * TILE, 64,
-                self._settings, *(np.uint32(x) for x in chunk), waves.samples,
-                *self._sums, self._differences, self._health, *(groups.buffers if groups else ()), *more,
-                label="film",
-            )  # fmt: skip
+            self._add(chunk, waves.samples, self._film, groups)
+            if self.cut and waves.cut:
+                self._add(chunk, waves.cut, self.cut, groups, lit=False)
             self._pending.popleft()
             if self._pending:
                 between()
         return True
+
+    def _add(
+        self, chunk: Chunk, samples: Buffer, film: FilmBuffers, groups: Groups | None, lit: bool = True
+    ) -> None:
+        """Adds a chunk's results to a film, and light that was traced from the lamps where it is `lit`."""
+        more = self.light.film_arguments(self._pass[1], lit) if self.light else ()
+        self.device.launch(
+            self._program, "film", chunk[1] * TILE, 64,
+            self._settings, *(np.uint32(x) for x in chunk), samples, *film.arguments,
+            *(groups.buffers if groups else ()), *more, label="film",
+        )  # fmt: skip
 
     def capture(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """All that the picture's next samples build on: the buffers by name, and figures ready for JSON."""
@@ -223,9 +234,9 @@ class Frame:
         return iter([chunk]) if fits else self.allocation.cut(chunk, most // TILE)
 
     def _buffers(self) -> list[tuple[str, Buffer]]:
-        buffers = (*self._sums, self._differences, self._health, self.faults)
         splats = [("splats", self.light.splats)] if self.light else []
-        return [*zip((*SUMS, "differences", "health", "faults"), buffers, strict=True), *splats]
+        cut = self.cut.named(CUT) if self.cut else []
+        return [*self._film.named(), ("faults", self.faults), *splats, *cut]
 
     def collect_times(self) -> None:
         """Adds device times since the last call to `wave_times`: launches and seconds by label."""
@@ -251,11 +262,12 @@ class Frame:
 
     def read(self) -> FilmData:
         """The film buffers as arrays."""
-        return FilmData(self._sums_so_far(), self._rows(self._differences, ROWS), self.health(), self.faults_met())
+        cut = self.cut.sums() if self.cut else None
+        return FilmData(self._film.sums(), self._film.differences(), self.health(), self.faults_met(), cut)
 
     def health(self) -> dict[str, int]:
         """Samples left out, by cause."""
-        counts = self.device.read(self._health, np.uint32, len(HEALTH))
+        counts = self.device.read(self._film.health, np.uint32, len(HEALTH))
         found = dict(zip(HEALTH, (int(n) for n in counts), strict=True))
         return {cause: n for cause, n in found.items() if n or cause in SOUND}
 
@@ -266,31 +278,13 @@ class Frame:
         return {f"{FAULTS[origin]}[{edge}] {HEALTH[cause]}": int(counts[origin, cause, edge])
                 for origin, cause, edge in np.argwhere(counts)}  # fmt: skip
 
-    def take_block(self) -> Sums:
-        """The sums since this was last called; the film goes on from none."""
-        sums = self._sums_so_far()
-        for buffer in self._sums[:4]:
-            self.device.fill(buffer, 0)
-        return sums
+    def take_block(self) -> tuple[Sums, ...]:
+        """The sums since this was last called, and those of what was cut away; the films go on from none."""
+        return tuple(film.take_block() for film in self._films)
 
     def differences(self) -> tuple[np.ndarray, np.ndarray]:
         """The rows of squared half differences, (h, w, 3, 4), and the half sums, (h, w, 4), that the next build on."""
-        return self._rows(self._differences, ROWS), self._rows(self._sums[4], 1)[..., 0, :]
-
-    def _sums_so_far(self) -> Sums:
-        width, height = self.size
-        whole = Sums.empty(height, width)
-        for span in slabs(height, width):
-            hi, lo, block_hi, block_lo = (self._rows(buffer, 1, span)[..., 0, :] for buffer in self._sums[:4])
-            whole.put(span, Sums.of_buffers(hi, lo).plus(Sums.of_buffers(block_hi, block_lo)))
-        return whole
-
-    def _rows(self, buffer: Buffer, count: int, span: slice | None = None) -> np.ndarray:
-        width, height = self.size
-        span = span or slice(0, height)
-        floats = width * 4 * count
-        rows = self.device.read(buffer, np.float32, floats * (span.stop - span.start), 4 * floats * span.start)
-        return rows.reshape(-1, width, count, 4)
+        return self._film.differences(), self._film.half_sums()
 
 
 def _stopped_or_past(end: float, stopped: Callable[[], bool]) -> Callable[[], bool]:

@@ -99,9 +99,9 @@ class LightPaths:
         """A pass begins."""
         self.device.fill(self.splats, 0)
 
-    def film_arguments(self, samples: int) -> tuple[Buffer | np.float32, ...]:
-        """What the film reads of a pass of so many samples a pixel."""
-        return self.splats, np.float32(self.unit / samples)
+    def film_arguments(self, samples: int, lit: bool = True) -> tuple[Buffer | np.float32, ...]:
+        """What the film reads of a pass of so many samples a pixel; a film that is not `lit` takes nothing of it."""
+        return self.splats, np.float32(self.unit / samples if lit else 0.0)
 
     def run(self, chunk: Chunk, health: Buffer) -> None:
         """Traces the paths of a chunk to their ends: cut short, it could not be repeated."""

@@ -118,6 +118,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         local=render.integrator == "local",
         photon=render.integrator == "photon" and bool(lights),
         caustics=render.caustics and render.max_depth > 2 and bool(lights - {*WHOLE_SKIES}) and has_specular(flat),
+        clamp=render.is_clamped,
         chance_sky=chance_sky,
         daylight=any(isinstance(light, SunSkyLight) for light in flat.lights),
         light_tree=light_tree,

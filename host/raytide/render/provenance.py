@@ -37,6 +37,7 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
         "limits": history.status(renderer.limits)["limits"],
         "series": [asdict(row) for row in history.rows],
         "error": error.as_dict() if error else None,
+        "bias": film.bias.as_dict() if film.bias else None,
         "health": film.health,
         "faults": film.faults,
         "stack": {"deepest_tree": renderer.forest.stats.depth, "limit": max_depth()},  # deeper ones are never built
@@ -106,7 +107,7 @@ def ledger(renderer: Renderer) -> dict[str, list[str]]:
 
     return {
         "features": renderer.features.left_out(),
-        "waves": [wave.name for wave in WAVES if wave.name not in renderer.programs],
+        "waves": [wave.name for wave in WAVES if wave.name not in renderer.sources],
     }
 
 

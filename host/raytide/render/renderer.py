@@ -21,11 +21,14 @@ from raytide.kernels.constants import FILM_BLOCK, TILE
 from raytide.kernels.features import Features
 from raytide.kernels.source import Source, assemble
 from raytide.render import checkpoint_file, layers, schedule
+from raytide.render.bias import bounds_of
 from raytide.render.checkpoint import Checkpoints, capture, restore
 from raytide.render.film import Film
+from raytide.render.film_buffers import PIXEL_BYTES
 from raytide.render.film_sums import Sums
-from raytide.render.frame import PIXEL_BYTES, Frame
+from raytide.render.frame import Frame
 from raytide.render.instances import mesh_records
+from raytide.render.later import Later, first_of, planned_samples
 from raytide.render.light_paths import SPLAT_BYTES, LightPaths
 from raytide.render.limits import History, Limits, limits_of
 from raytide.render.listed import is_short
@@ -118,29 +121,58 @@ class Renderer:
             self._upload()
 
     def _build(self) -> None:
-        """Programs whose source did not change stay as they are; all others are compiled side by side."""
+        """Programs whose source did not change stay as they are; all others are compiled side by side, but for those of
+        variants that a short render does without."""
         waves = [w for w in schedule.WAVES if w.needed(self.features)]
         waves += [schedule.AOV] if self.early_layers else []
         short = is_short(self.packed.geometry)
         self.variants = schedule.variants_for(self.traversal, self.device.kind, self.features, short)
-        tracing = [w for variant in self.variants for w in variant.waves if w.needed(self.features)]
-        waves += [w for w in tracing if w.name not in {wave.name for wave in waves}]
+        waves += [w for w in self._tracing(self.variants) if w.name not in {wave.name for wave in waves}]
         sources = {wave.name: assemble(wave.entry, wave.features(self.features)) for wave in waves}
         for part in (self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)):
-            sources |= tree_sources(part, self.flat.render.bvh)
+            sources |= tree_sources(part, self.flat.render.bvh, refit=bool(self.programs))
         sources |= {"compact": compact_source()} if self.features.compact else {}
         kept = {name: p for name, p in self.programs.items() if self.sources.get(name) == sources.get(name)}
+        first = first_of(self.variants) if self.traversal == "auto" else self.variants
+        idle = {w.name for w in self._tracing(self.variants)} - {w.name for w in self._tracing(first)}
         missing = {name: source for name, source in sources.items() if name not in kept}
+        now = {name: source for name, source in missing.items() if name not in idle}
         self.sources = sources
-        self.programs = kept | (self.device.build(missing) if missing else {})
-        kernels = {wave.name: sources[wave.name].sha256 for wave in tracing}
-        self.trial = Trial(self.device, self.variants, kernels, self.traversal != "auto",
+        self.programs = kept | (self.device.build(now) if now else {})
+        self.programs |= self.device.load({name: source for name, source in missing.items() if name in idle})
+        later = {name: sources[name] for name in idle if name not in self.programs}
+        self._later = Later(self.device, later)
+        self._choose_among(first if later else self.variants)
+
+    def _tracing(self, variants: tuple[schedule.Variant, ...]) -> list[schedule.Wave]:
+        return [wave for variant in variants for wave in variant.waves if wave.needed(self.features)]
+
+    def _choose_among(self, variants: tuple[schedule.Variant, ...]) -> None:
+        kernels = {wave.name: self.sources[wave.name].sha256 for wave in self._tracing(variants)}
+        self.trial = Trial(self.device, variants, kernels, self.traversal != "auto",
                            len(self.packed.geometry.triangles))  # fmt: skip
+
+    def complete(self) -> None:
+        """Compiles what short renders do without (later.py), as long ones do by themselves; changes no bit."""
+        if not self._later.sources:
+            return
+        with self._timed("kernels"):
+            self.programs |= self.device.build(self._later.sources)
+            self._later = Later(self.device, {})
+            self._choose_among(self.variants)
+        waves = self.opened()[1]
+        waves.programs, waves.trial = self.programs, self.trial
+
+    def _get_ready(self, limits: Limits) -> None:
+        """For a render that ends by these limits."""
+        (width, height), spp = self.flat.window[2:], self.opened()[0].spp
+        if self._later.is_due(planned_samples(limits, spp, width * height, self.device.info.compute_units)):
+            self.complete()
 
     def _build_tree(self) -> None:
         parts = [self.packed.geometry, *(mesh.geometry for mesh in self.packed.meshes)]
         self.forest: Forest = self._trees.forest(
-            parts, self.flat.render.bvh, self.features.compact, self.device, self.programs.get("bvh")
+            parts, self.flat.render.bvh, self.features.compact, self.device, self.programs
         )
 
     def program(self, wave: schedule.Wave) -> Program:
@@ -156,8 +188,9 @@ class Renderer:
         info = self.device.info
         most = schedule.tiles_of((width, height)) * TILE * min(self.flat.render.spp, schedule.LARGEST_PASS)
         self.plan = schedule.plan_waves(self.device.kind, info.compute_units, self.memory, most, info.max_alloc_bytes,
-                                        schedule.slot_bytes_of(self.features))  # fmt: skip
-        pixel_bytes = PIXEL_BYTES + (SPLAT_BYTES if self.features.emits else 0)
+                                        schedule.slot_bytes_of(self.features),
+                                        schedule.sample_bytes_of(self.features))  # fmt: skip
+        pixel_bytes = PIXEL_BYTES * (1 + self.features.clamp) + (SPLAT_BYTES if self.features.emits else 0)
         needed = width * height * pixel_bytes + self.plan.nbytes + self.packed.nbytes + self.forest.stats.bytes
         if needed > info.global_mem_bytes:
             raise UsageError(
@@ -169,10 +202,10 @@ class Renderer:
         self.buffers = SceneBuffers(self.device, self.packed, self.forest, self.features, meshes, lists)
         self.settings_buffer = self.device.upload(settings_record(self.flat, self.packed))
         self.frame = Frame(self.device, self.programs["film"], self.settings_buffer, (width, height),
-                           adaptive=self.features.adaptive)  # fmt: skip
+                           adaptive=self.features.adaptive, clamped=self.features.clamp)  # fmt: skip
         pixels_of = self.frame.pixels_of
         self.waves = Waves(self.device, self.programs, self.buffers, self.settings_buffer, self.plan,
-                           self.trial, pixels_of, self.frame.faults)  # fmt: skip
+                           self.trial, pixels_of, self.frame.faults, bounds_of(self.flat.render))  # fmt: skip
         if self.features.emits:
             self.frame.light = LightPaths(self.device, self.waves, self.flat, self.packed)
         self._begin()
@@ -235,6 +268,7 @@ class Renderer:
 
     def _run(self, watch: bool, checkpoints: Checkpoints | None, **given: Any) -> Iterator[None]:
         limits = limits_of(self.flat.render, **given)
+        self._get_ready(limits)
         now = lambda: self.film  # noqa: E731
         if checkpoints is None:
             return self._loop.run(*self.opened(), now, limits, watch)
@@ -250,15 +284,17 @@ class Renderer:
         self.checkpoints = checkpoints
         return self._loop.run(*self.opened(), now, limits, watch, keep)
 
-    def blocks(self, first: int, end: int) -> Iterator[tuple[int, Sums]]:
+    def blocks(self, first: int, end: int) -> Iterator[tuple[int, tuple[Sums, ...]]]:
         """Renders samples `first` to `end` - 1 and no others, for shard.py: gives the number of samples behind, and the
-        sums, of every block that the film adds up by itself. `stop` ends it after the last whole one."""
+        sums, of light and of what clamping took, of every block that the film adds up by itself. `stop` ends it after
+        the last whole one."""
         frame, waves = self.opened()
         self._shelf.settle()
         frame.restart(first)
         waves.rays = RayCounts()
         stopped = self._stop.is_set()
         self._begin()
+        self._get_ready(Limits(end))
         if stopped:  # by a signal that came before the first wave
             self._stop.set()
         for _ in self._loop.run(frame, waves, lambda: self.film, Limits(end), False):

@@ -139,10 +139,11 @@ class WavePlan:
     capacity: int
     samples: int
     slot_bytes: int = SLOT_BYTES
+    sample_bytes: int = SAMPLE_BYTES
 
     @property
     def nbytes(self) -> int:
-        return self.capacity * self.slot_bytes + self.samples * SAMPLE_BYTES
+        return self.capacity * self.slot_bytes + self.samples * self.sample_bytes
 
 
 def slot_bytes_of(features: Features) -> int:
@@ -151,26 +152,32 @@ def slot_bytes_of(features: Features) -> int:
     return SLOT_BYTES + optional + TARGET_BYTES * features.emits + DENSITY_BYTES * features.caustics
 
 
+def sample_bytes_of(features: Features) -> int:
+    """What the wave buffers hold for each result: where bounds cut light away, that too."""
+    return SAMPLE_BYTES * (1 + features.clamp)
+
+
 def plan_waves(
-    kind: str, compute_units: int, memory: int | None, most_items: int, max_alloc: int, slot_bytes: int = SLOT_BYTES
-) -> WavePlan:
+    kind: str, compute_units: int, memory: int | None, most_items: int, max_alloc: int, slot_bytes: int = SLOT_BYTES,
+    sample_bytes: int = SAMPLE_BYTES,
+) -> WavePlan:  # fmt: skip
     """Sizes from the device and a budget in bytes, never from resolution or sample count.
 
     CPUs get waves that stay near their caches; GPUs get enough rays to fill them. `most_items` (tiles x 64 x samples)
-    only makes small renders smaller; `slot_bytes` are those of slot_bytes_of. UsageError where the budget cannot hold
-    one tile.
+    only makes small renders smaller; `slot_bytes` and `sample_bytes` are those of slot_bytes_of and sample_bytes_of.
+    UsageError where the budget cannot hold one tile.
     """
     capacity = (1 << 16) if kind != "gpu" else min(1 << 20, max(1 << 17, compute_units << 13))
     samples = capacity * 16
     if memory is not None:
         capacity = min(capacity, memory // 2 // slot_bytes)
-        samples = min(samples, (memory - capacity * slot_bytes) // SAMPLE_BYTES)
+        samples = min(samples, (memory - capacity * slot_bytes) // sample_bytes)
     samples = min(samples, max_alloc // SAMPLE_BYTES, -(-most_items // TILE) * TILE)
     capacity = min(capacity, samples, max_alloc // _RAY)
     capacity, samples = capacity // TILE * TILE, samples // TILE * TILE
     if capacity < TILE:
-        raise UsageError(f"memory: came {memory} bytes; wanted at least {TILE * (2 * slot_bytes + SAMPLE_BYTES)}")
-    return WavePlan(capacity, samples, slot_bytes)
+        raise UsageError(f"memory: came {memory} bytes; wanted at least {TILE * (2 * slot_bytes + sample_bytes)}")
+    return WavePlan(capacity, samples, slot_bytes, sample_bytes)
 
 
 def tiles_across(width: int) -> int:

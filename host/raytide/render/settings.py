@@ -10,6 +10,7 @@ import numpy as np
 from raytide.errors import SceneError, UsageError
 from raytide.kernels.constants import JOINS_DIRECTIONS, JOINS_FILM
 from raytide.kernels.records import RECORDS
+from raytide.render.bias import check_clamp
 from raytide.render.light_pairs import is_one_pair
 from raytide.render.light_paths import check_light_paths
 from raytide.render.lights import left_to_scattering, shadows_alone
@@ -38,6 +39,7 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
     if problem:
         raise SceneError([problem])
     out = replace(flat, camera=camera, render=render)
+    check_clamp(out)
     if render.integrator == "photon" or render.caustics:
         check_light_paths(out)
     return out

@@ -18,6 +18,7 @@ import numpy as np
 from raytide.errors import UsageError
 from raytide.kernels.constants import FILM_BLOCK
 from raytide.render import checkpoint_file, layers
+from raytide.render.bias import CUT
 from raytide.render.checkpoint import check_origin, origin_of
 from raytide.render.checkpoint_file import Content
 from raytide.render.film import Film, FilmData
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 KIND = "shard"
 _PARTS = ("hi", "lo", "valid", "hits")  # of Sums, stacked over blocks
+_CUT_PARTS = tuple(CUT + name for name in _PARTS)  # the same of what clamping took
 _REST = ("differences", "half")  # after the first block; all other arrays are layers
 _log = logging.getLogger("raytide.render")
 
@@ -59,8 +61,9 @@ def write_shard(
     """Renders samples `first` to `end` - 1 of every pixel into the file `path` and gives the number behind the last:
     `end`, or less where `Renderer.stop` ended it, and `first` where no block was finished, and nothing written.
 
-    A file takes 32 bytes a pixel for every 64 samples. `show` is told `Renderer.status` after every block. Raises
-    UsageError for a range that is no whole blocks, and for adaptive renders, whose pixels have ranges of their own.
+    A file takes 32 bytes a pixel for every 64 samples, twice that where light is clamped. `show` is told
+    `Renderer.status` after every block. Raises UsageError for a range that is no whole blocks, and for adaptive
+    renders, whose pixels have ranges of their own.
     """
     render = renderer.flat.render
     check_range(first, end, render.spp if "spp" in render.model_fields_set else None)
@@ -75,7 +78,8 @@ def write_shard(
             rows, half = renderer.opened()[0].differences()
             arrays = {"differences": rows, "half": half, **layers.render_layers(renderer)}
     if blocks:
-        arrays |= {name: np.stack([getattr(sums, name) for sums in blocks]) for name in _PARTS}
+        for prefix, films in zip(("", CUT), zip(*blocks, strict=True), strict=False):
+            arrays |= {prefix + name: np.stack([getattr(sums, name) for sums in films]) for name in _PARTS}
         checkpoint_file.write(Path(path), Content(_facts(renderer, first, done), arrays), KIND, no_clobber=no_clobber)
     return done
 
@@ -120,6 +124,7 @@ class _Picture:
 
     def __init__(self) -> None:
         self._total: Sums | None = None
+        self._cut: Sums | None = None
         self._differences: Differences | None = None
         self._health: Counter[str] = Counter()
         self._faults: Counter[str] = Counter()
@@ -128,24 +133,31 @@ class _Picture:
     def add(self, content: Content) -> None:
         """The next shard. Raises KeyError, ValueError and TypeError for one that is not whole."""
         arrays, n, end = content.arrays, content.facts["first"], content.facts["end"]
-        blocks = [Sums(*parts) for parts in zip(*(arrays[name] for name in _PARTS), strict=True)]
+        blocks = _blocks(arrays, _PARTS)
         if len(blocks) != -(-(end - n) // FILM_BLOCK):
             raise ValueError(f"{len(blocks)} blocks for samples {n} to {end - 1}")
         if self._total is None or self._differences is None:
             self._total = Sums.none_like(blocks[0])
             self._differences = Differences(arrays["differences"], arrays["half"])
-            self.layers = {name: array for name, array in arrays.items() if name not in (*_PARTS, *_REST)}
+            known = (*_PARTS, *_CUT_PARTS, *_REST)
+            self.layers = {name: array for name, array in arrays.items() if name not in known}
         for block in blocks:
             n = min(n + FILM_BLOCK, end)
             self._total = self._total.plus(block)
             self._differences.take(self._total, n)
+        for block in _blocks(arrays, _CUT_PARTS) if _CUT_PARTS[0] in arrays else ():
+            self._cut = (self._cut or Sums.none_like(block)).plus(block)
         self._health.update(content.facts["health"])
         self._faults.update(content.facts["faults"])
 
     def data(self) -> FilmData:
         """The film of all of them."""
         assert self._total is not None and self._differences is not None
-        return FilmData(self._total, self._differences.rows, dict(self._health), dict(self._faults))
+        return FilmData(self._total, self._differences.rows, dict(self._health), dict(self._faults), self._cut)
+
+
+def _blocks(arrays: Mapping[str, np.ndarray], names: Sequence[str]) -> list[Sums]:
+    return [Sums(*parts) for parts in zip(*(arrays[name] for name in names), strict=True)]
 
 
 def _in_order(paths: list[Path]) -> list[tuple[Path, dict[str, Any]]]:

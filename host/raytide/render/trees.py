@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,7 +17,8 @@ class Trees:
         self._kept: list[tuple[Tree, FlatGeometry, tuple[str, bool]]] = []
 
     def forest(
-        self, parts: Sequence[FlatGeometry], builder: str, compact: bool, device: Device, program: Program | None
+        self, parts: Sequence[FlatGeometry], builder: str, compact: bool, device: Device,
+        programs: Mapping[str, Program],
     ) -> Forest:
         """Trees of `parts`, the world first. They stay while geometry, builder and layout do: that of a mesh, wherever
         its instances go. The world's follows positions while its primitives stay."""
@@ -29,7 +30,7 @@ class Trees:
             tree = next((tree for tree, of in likely if _same(of, part)), None)
             if tree is None:
                 before = kept[0] if kept and place == 0 else None
-                tree = _new_tree(part, before, builder, compact, device, program)
+                tree = _new_tree(part, before, builder, compact, device, programs)
             trees.append(tree)
         self._kept = [(tree, part, how) for tree, part in zip(trees, parts, strict=True)]
         return Forest(trees[0], trees[1:])
@@ -41,14 +42,14 @@ def _new_tree(
     builder: str,
     compact: bool,
     device: Device,
-    program: Program | None,
+    programs: Mapping[str, Program],
 ) -> Tree:
     """A tree of `geometry`; `before` is one of nearly the same, in the same layout, by the same builder."""
     if compact:
-        return compact_tree(build_tree(geometry, builder, device, program=program), geometry, device)
+        return compact_tree(build_tree(geometry, builder, device, programs=programs), geometry, device)
     if before is not None:
-        return update_tree(*before, geometry, builder, device, program)
-    return build_tree(geometry, builder, device, program=program)
+        return update_tree(*before, geometry, builder, device, programs)
+    return build_tree(geometry, builder, device, programs=programs)
 
 
 def _same(a: FlatGeometry, b: FlatGeometry) -> bool:

@@ -153,9 +153,10 @@ class Waves:
         trial: Trial,
         pixels_of: Callable[[int, int], int],
         faults: Buffer,
+        bounds: tuple[np.float32, np.float32] | None = None,
     ) -> None:
         """`pixels_of(first tile, tiles)` tells how many pixels of the picture lie in those tiles; `faults` are the
-        picture's counters of unsound values."""
+        picture's counters of unsound values; `bounds` those of bias.py, where light is clamped."""
         self.device, self.programs, self.scene, self.settings, self.plan = device, programs, scene, settings, plan
         self.pixels_of, self.trial, self.faults = pixels_of, trial, faults
         self.rays = RayCounts()
@@ -176,6 +177,8 @@ class Waves:
         self._counters = device.empty(COUNTERS * 4)
         self._lights = scene.lights + ((device.empty(slots * 4),) if len(scene.lights) > 1 else ())  # normals left
         self.samples = device.empty(plan.samples * 16)
+        self.cut = device.empty(plan.samples * 16) if bounds else None  # what samples lost by clamping
+        self._bounds = (*bounds, self.cut) if bounds and self.cut else ()
         self.most_queued = 0  # slots in use at a time
 
     def run(
@@ -189,6 +192,9 @@ class Waves:
         first_tile, tiles, first_sample, samples = chunk
         items = groups.count * TILE if groups else tiles * TILE * samples
         extra = groups.buffers if groups else ()
+
+        if self.cut:
+            self.device.fill(self.cut, 0)
 
         def begin(*place: int) -> None:
             self._primary(extra, *place, first_tile, first_sample, samples)
@@ -248,7 +254,7 @@ class Waves:
         self._trace("extend", kind, label, count, self.queues[0], np.uint32(first), np.uint32(count), self.path_rays,
                     self.hits)  # fmt: skip
 
-    def _trace(self, wave: str, kind: str, label: str, count: int, *arguments: Buffer | np.uint32) -> None:
+    def _trace(self, wave: str, kind: str, label: str, count: int, *arguments: Buffer | np.generic) -> None:
         """Traces `count` rays by the variant of the traversal that is fastest for them."""
         geometry = self.scene.geometry(kind)
 
@@ -271,7 +277,7 @@ class Waves:
             self.queues[0], np.uint32(count),
             self.path_rays, self.hits, self.throughput, self.paths, self.status,
             self.shadow_rays, self.shadow_light, self.samples, self.faults, *self.scatterings, *self._media,
-            *self._densities, *scene.aims, label="shade",
+            *self._densities, *scene.aims, *self._bounds, label="shade",
         )  # fmt: skip
         return self.follow(count, label, "shadow", self.samples)
 
@@ -283,7 +289,7 @@ class Waves:
         number. Gives the paths that go on, and by edges."""
         self._partition(np.uint32(count))
         counters = self.device.read_later(self._counters, np.uint32, COUNTERS)
-        if "shadow" in self.programs:
+        if any(name.startswith("shadow") for name in self.programs):
             asked = self.observe or not self.trial.is_settled(kind_of(label))  # who looks or measures wants the number
             self._shadow(label, kind, int(counters()[COUNTER_SHADOW]) if asked else count, results)
         alive, shadow, *by_edges = counters().tolist()
@@ -315,7 +321,7 @@ class Waves:
             self.observe(label, self.shadow_queue, 0, most, self.shadow_rays, self.paths)
         if most:
             self._trace("shadow", kind, label, most, *self.scene.masks, self.shadow_queue, self._counters,
-                        self.shadow_rays, self.shadow_light, results)  # fmt: skip
+                        self.shadow_rays, self.shadow_light, results, *self._bounds)  # fmt: skip
 
     def _next_edges(self, edges: np.ndarray, fresh: int) -> np.ndarray:
         """By path edges, (EDGE_BINS,), what may leave the vertices that are shaded next, where only zero or not counts:

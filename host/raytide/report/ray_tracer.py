@@ -58,7 +58,7 @@ class RayTracer:
         names = [f"{wave}{self._suffix}" for wave in ("extend", "shadow")]
         self.sources = {name: assemble(f"wave/{name}.cl", features) for name in names}
         self.programs = device.build({**self.sources, **tree_sources(geometry, builder)})
-        tree = build_tree(geometry, builder, device, program=self.programs.get("bvh"))
+        tree = build_tree(geometry, builder, device, programs=self.programs)
         self.tree: Tree = compact_tree(tree, geometry, device) if features.compact else tree
         self._scene = self._scene_arguments()
         self._loaded: RaySet | None = None

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from raytide.errors import ImageInvalid, UsageError
 from raytide.image import capture_date, read_exr, replacing, write_exr
 from raytide.render import Renderer
+from raytide.render.bias import told_bias
 from raytide.report.convergence import Truth
 
 FIRST_SEED = 2**31  # seeds of references; others stay below
@@ -136,10 +137,12 @@ def write_picture(path: Path, done: Slices, renderer: Renderer) -> None:
 
 
 def read_reference(path: str | os.PathLike[str]) -> Truth:
-    """Any EXR picture; its `variance` layer, of pixel means, is subtracted where it has one. Raises UsageError and
-    ImageInvalid."""
+    """Any EXR picture; its `variance` layer, of pixel means, is subtracted where it has one. Raises UsageError, for a
+    picture that clamping made darker too, and ImageInvalid."""
     image = read_exr(path)
     rgb = image.rgb.astype(np.float64)
+    if bias := told_bias(image.header):
+        raise UsageError(f"{os.fspath(path)}: came a picture that is {bias}; wanted a reference without clamping")
     variance = image.layers.get("variance")
     known = variance is not None and variance.shape == rgb.shape and bool(np.isfinite(variance).all())
     if not np.isfinite(rgb).all():

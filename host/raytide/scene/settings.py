@@ -59,8 +59,20 @@ class RenderSettings(Table):
         False, doc="integrator path: light that mirrors and clear glass send to surfaces that the camera sees is "
         "traced from the lights"
     )
+    clamp_indirect: Number | None = key(
+        None, above=0, unit="W/(sr m^2)", doc="integrator path: light that scattered twice or more adds at most this "
+        "to a sample at a time, in its brightest channel; biased, and counted",
+    )
+    clamp_direct: Number | None = key(
+        None, above=0, unit="W/(sr m^2)", doc="integrator path: the same of light that scattered once or not at all"
+    )
     shadows: Flag = key(True, doc="integrator local: whether lights cast shadows")
     reflection_depth: Count = key(4, low=0, high=1024, doc="integrator local: longest chain of mirrors")
+
+    @property
+    def is_clamped(self) -> bool:
+        """Whether what a path adds to its sample is held to a bound."""
+        return self.clamp_direct is not None or self.clamp_indirect is not None
 
     @property
     def width(self) -> float:

@@ -18,7 +18,7 @@ from raytide.kernels.constants import TILE, TILE_SIDE
 from raytide.kernels.features import Features
 from raytide.kernels.records import RECORDS
 from raytide.kernels.source import assemble
-from raytide.render.frame import SUMS
+from raytide.render.film_buffers import SUMS
 from raytide.render.shard import merge
 from raytide.scene import Camera, Diffuse, Scene, sky, sphere
 from raytide.verify.case import Inputs, Judged, Trial, bounded, case, forbidden, joined

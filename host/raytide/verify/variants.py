@@ -13,11 +13,12 @@ from typing import Any
 
 from raytide.device import Device, Program
 from raytide.device.build import Progress, SourceLike
+from raytide.device.compile import FLUSHED
 from raytide.errors import UsageError
 from raytide.kernels.paths import kernel_dir
 from raytide.kernels.source import Source
 
-FLUSHED, FUSED, FAST = "-cl-denorms-are-zero", "-cl-mad-enable", "-cl-fast-relaxed-math"
+FUSED, FAST = "-cl-mad-enable", "-cl-fast-relaxed-math"
 # Results of raytide's own functions, as the kernels have them, and what makes them as wrong as built-in ones may be.
 _RESULTS = {
     "*s = fma_of(x * z, p, x);": "worse_sine",
