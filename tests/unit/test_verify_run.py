@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from raytide.cli.main import main
-from raytide.cli.verify import earlier
+from raytide.cli.verify import cases_of, earlier, judged
 from raytide.errors import DeviceError, UsageError
 from raytide.kernels.paths import kernel_dir
 from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, peer_child, replay, run_cases
@@ -84,6 +84,31 @@ def test_cases_are_chosen_by_group_and_by_id() -> None:
         case("T2", "geometry", "title", "bar")(lambda lab: iter(()))
 
 
+def test_groups_and_cases_may_be_joined_and_halves_make_the_whole() -> None:
+    def ids(groups: Sequence[str] = (), cases: Sequence[str] = (), full: bool = True) -> list[str]:
+        return [one.id for one in cases_of(groups, cases, False, full, None, False)]
+
+    assert ids(cases=["T2", "S1", "T2"]) == ["S1", "T2"] and ids(["film"], ["fuzz", "F1", "T2"])[0] == "T2"
+    halves = ids(GROUPS[:4]) + ids(GROUPS[4:], ["fuzz"])
+    assert sorted(halves) == sorted(ids()) and len(halves) == 116 and "fuzz" not in ids(full=False)
+
+
+def test_the_file_is_whole_after_every_case_and_a_broken_run_keeps_what_it_had(tmp_path: Path) -> None:
+    path, kept = tmp_path / "v.json", list[int]()
+
+    def breaks(lab: object) -> Iterator[Trial]:
+        kept.append(len(json.loads(path.read_text())["verdicts"]))
+        raise KeyboardInterrupt
+        yield
+
+    cases = [made([1.0]), made([3.0]), Case("X2", "film", "title", "bar", "", breaks)]
+    with pytest.raises(KeyboardInterrupt):
+        judged(cases, Lab(LAB), path, {"size": "quick", "verdicts": []})
+    left = [one["state"] for one in json.loads(path.read_text())["verdicts"]]
+    assert kept == [2] and left == ["holds", "falls short"]
+    assert len(earlier(path)) == 2 and [*tmp_path.iterdir()] == [path]
+
+
 def test_the_catalogue_is_whole() -> None:
     """Every number of every letter, as many as the catalogue has."""
     counts = {"S": 10, "P": 6, "T": 12, "B": 8, "U": 8, "M": 14, "Q": 10, "L": 10, "F": 9, "C": 7, "I": 10, "D": 11}
@@ -112,7 +137,7 @@ def test_a_file_that_is_no_verdict_is_refused(tmp_path: Path) -> None:
     for text in ("{", "[]", '{"verdicts": [1]}', '{"verdicts": []}'):
         path.write_text(text)
         with pytest.raises(UsageError, match="replay"):
-            earlier(path, None)
+            earlier(path)
 
 
 def test_the_list_names_every_case(capsys: pytest.CaptureFixture[str]) -> None:

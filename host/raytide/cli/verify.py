@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as text
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from raytide.verify import Case, Verdict
 
 Paths = list[Path] | None  # before a parameter of that name hides `list`
+Names = list[str] | None
 SHORT = 4
 MOST_FIGURES = 24  # of a case that falls short; where it has more, those of the trials that do
 
@@ -23,8 +24,8 @@ MOST_FIGURES = 24  # of a case that falls short; where it has more, those of the
 def verify(
     *,
     device: str | None = None,
-    group: str | None = None,
-    case: str | None = None,
+    group: Names = None,
+    case: Names = None,
     quick: Flag = False,
     full: Flag = False,
     json: Path | None = None,
@@ -44,15 +45,15 @@ def verify(
     device
         Part of a device id.
     group
-        Only this group of cases: geometry, ...
+        Only this group of cases: geometry, ... May be repeated.
     case
-        Only this case, by its id, e.g. T2.
+        Only this case, by its id, e.g. T2; fuzz: scenes of extremes. May be repeated, and beside groups.
     quick
         Fewer inputs: a minute or two instead of many. The default.
     full
         As many inputs as the catalogue asks for, and 2,000 scenes of extremes.
     json
-        Write all verdicts, each with its worst input, to this file.
+        Write all verdicts, each with its worst input, to this file; it is whole after every case.
     html
         Write a page of all verdicts to this file.
     replay
@@ -71,16 +72,18 @@ def verify(
     threads
         Threads of a CPU device.
     """
-    cases = cases_of(group, case, quick, full, fuzz, bool(cost or against))
+    cases = cases_of(group or (), case or (), quick, full, fuzz, bool(cost or against))
     if peers and not cost:
         raise UsageError("--peers: came without --cost; wanted both")
     if list:
         return listed(cases)
-    return tried(cases, device, threads, full, json, html, replay, case, against, (peers or []) if cost else None)
+    return tried(cases, device, threads, full, json, html, replay, case or (), against, (peers or []) if cost else None)
 
 
-def cases_of(group: str | None, case: str | None, quick: bool, full: bool, fuzz: int | None, none: bool) -> list[Case]:
-    """What the options ask for. Raises UsageError."""
+def cases_of(
+    groups: Iterable[str], ids: Iterable[str], quick: bool, full: bool, fuzz: int | None, none: bool
+) -> list[Case]:
+    """What the options ask for, in the order of the catalogue. Raises UsageError."""
     from raytide.verify import chosen_cases
     from raytide.verify.fuzz import FUZZED, fuzzed
 
@@ -88,8 +91,13 @@ def cases_of(group: str | None, case: str | None, quick: bool, full: bool, fuzz:
         raise UsageError("came both --quick and --full; wanted one of them")
     if fuzz:
         return [fuzzed(fuzz)]
-    chosen = [] if none else chosen_cases(group, case)
-    return chosen + ([fuzzed(FUZZED)] if full and chosen and not (case or group) else [])
+    some = [one for name in groups for one in chosen_cases(group=name)]
+    some += [one for id in ids for one in chosen_cases(case=id)]
+    if some or none:
+        named = {one.id: one for one in some}
+        last = [named.pop("fuzz")] if "fuzz" in named else []
+        return [] if none else [one for one in chosen_cases() if one.id in named] + last
+    return chosen_cases() + ([fuzzed(FUZZED)] if full else [])
 
 
 def listed(cases: Sequence[Case]) -> int:
@@ -101,28 +109,66 @@ def listed(cases: Sequence[Case]) -> int:
 
 def tried(
     cases: Sequence[Case], device: str | None, threads: int | None, full: bool, json: Path | None, html: Path | None,
-    replay: Path | None, case: str | None, against: str | None, cost: Sequence[Path] | None,
+    replay: Path | None, ids: Sequence[str], against: str | None, cost: Sequence[Path] | None,
 ) -> int:  # fmt: skip
     """Runs what was asked for, writes the files, and gives the exit code. `cost`: the peers' Pythons, or None."""
     from raytide.cli.options import check_outputs
     from raytide.device import open_device
-    from raytide.verify import run_cases
     from raytide.verify.lab import Lab
 
     check_outputs([], [json, html], no_clobber=False)
-    records = earlier(replay, case) if replay else []
+    records = earlier(replay, ids) if replay else []
     with open_device(device, threads=threads) as opened:
         lab = Lab(opened, full=full)
         print(f"raytide: {opened.info.id}, {size_of(full)}", file=sys.stderr)
-        verdicts = again(records, lab) if replay else run_cases(cases, lab, say)
         result: dict[str, Any] = {"schema": "raytide.verify/1", "size": size_of(full)}
         result |= {"device": opened.info.as_dict() | {"options": [*opened.options]}}
+        result |= {"cases": [one.id for one in cases], "verdicts": []}
+        verdicts = again(records, lab) if replay else judged(cases, lab, json, result)
         result |= {"verdicts": [asdict(one) for one in verdicts]}
         result |= cost_rows(lab, cost) if cost is not None else {}
         result |= against_rows(lab, against) if against else {}
         lab.close()
     write(json, html, result)
     return conclude(verdicts) if verdicts else 0
+
+
+def judged(cases: Sequence[Case], lab: Any, json: Path | None, result: dict[str, Any]) -> list[Verdict]:
+    """Verdicts of all cases, told as they come; after each the file holds all so far, so that nothing ends with a run
+    that is broken off."""
+    from raytide.verify import run_cases
+
+    def ended(one: Verdict) -> None:
+        hide()
+        say(one)
+        result["verdicts"].append(asdict(one))
+        write(json, None, result)
+        begin()
+
+    def begin() -> None:
+        place = len(result["verdicts"])
+        if place < len(cases):
+            show(f"{place + 1} of {len(cases)}: {cases[place].id} {cases[place].title}", lab.full)
+
+    begin()
+    try:
+        return run_cases(cases, lab, ended)
+    finally:
+        hide()
+
+
+def show(line: str, full: bool) -> None:
+    """Which case is at work: on a terminal until it ends; elsewhere only where cases take long."""
+    if sys.stderr.isatty():
+        print(line[:100], end="", file=sys.stderr, flush=True)
+    elif full:
+        print(f"raytide: {line}", file=sys.stderr, flush=True)
+
+
+def hide() -> None:
+    """Takes that line back."""
+    if sys.stderr.isatty():
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 def cost_rows(lab: Any, pythons: Sequence[Path]) -> dict[str, Any]:
@@ -171,7 +217,10 @@ def size_of(full: bool) -> str:
 def write(json: Path | None, html: Path | None, result: dict[str, Any]) -> None:
     """All results as JSON and as a page."""
     if json:
-        json.write_text(text.dumps(result, indent=1, default=float) + "\n", encoding="utf-8")
+        from raytide.image.atomic import replacing
+
+        with replacing(json) as file:
+            file.write(text.dumps(result, indent=1, default=float).encode() + b"\n")
     if html:
         from raytide.report.page import write_page
         from raytide.report.verify_page import document
@@ -201,15 +250,15 @@ def say(one: Verdict) -> None:
         print("\n".join(f"{'':15}{line}" for line in lines), flush=True)
 
 
-def earlier(path: Path, case: str | None) -> list[dict[str, Any]]:
+def earlier(path: Path, ids: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Records of an earlier run that can be replayed. UsageError for a file of another kind."""
     try:
         found = text.loads(path.read_text(encoding="utf-8"))
-        records = [one for one in found["verdicts"] if one["worst"] and case in (None, one["id"])]
+        records = [one for one in found["verdicts"] if one["worst"] and (not ids or one["id"] in ids)]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UsageError(f"replay: {path} cannot be read as a file of verify --json: {error!r}") from None
     if not records:
-        raise UsageError(f"replay: {path} holds no input" + (f" of case {case}" if case else ""))
+        raise UsageError(f"replay: {path} holds no input" + (f" of case {', '.join(ids)}" if ids else ""))
     return records
 
 
