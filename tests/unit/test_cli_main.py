@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import subprocess
 import sys
 import types
@@ -11,7 +13,9 @@ from pathlib import Path
 import pytest
 
 from raytide.cli import main as cli
+from raytide.cli.render import render
 from raytide.errors import DeviceError, ImageInvalid, RaytideError, UsageError
+from raytide.scene.settings import RenderSettings
 
 HOST = Path(__file__).resolve().parents[2] / "host"
 
@@ -161,3 +165,13 @@ def test_ctrl_c_during_the_imports_is_an_exit_code_without_words() -> None:
     )
     ran = run_shell(f"python -c '{code}'")
     assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "")
+
+
+def test_every_option_of_render_is_in_its_documentation() -> None:
+    text = (HOST.parent / "docs" / "cli.md").read_text(encoding="utf-8").split("\n## render\n")[1].split("\n## ")[0]
+    keys = set(RenderSettings.model_fields)  # one row speaks of all
+    for name, one in inspect.signature(render).parameters.items():
+        if one.kind is one.KEYWORD_ONLY and name not in keys:
+            given = [word for hint in getattr(one.annotation, "__metadata__", ()) for word in hint.name or ()]
+            names = given or [f"--{name.replace('_', '-')}"]
+            assert any(re.search(rf"`{word}[` ]", text) for word in names), names
