@@ -39,3 +39,41 @@ def test_a_file_that_is_no_result_is_left_out_of_a_summary_and_named(
     said = capsys.readouterr()
     assert said.out.count("\n| ") == 1 and "1429" in said.out and (tmp_path / "s.html").exists()
     assert "a.bench.json: schema: field required" in said.err and "b.bench.json: came no JSON" in said.err
+
+
+@pytest.fixture
+def edited(tmp_path: Path) -> Path:
+    """A folder with the stored results, of which one has a score by hand."""
+    for path in RESULTS:
+        shutil.copy(path, tmp_path)
+    content = stored()
+    content["score"]["value"] = 9999.0
+    (tmp_path / STORED.name).write_text(json.dumps(content))
+    return tmp_path
+
+
+def test_an_edited_file_has_no_score_anywhere(edited: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, page = str(edited / STORED.name), edited / "one.html"
+    main(["bench", "show", file])
+    shown = capsys.readouterr().out
+    assert shown.splitlines()[-1] == "edited since it was written: no score" and "closed" not in shown
+    main(["bench", "show", file, "--csv"])
+    assert all("edited since it was written" in line for line in capsys.readouterr().out.splitlines()[1:])
+    main(["bench", "show", file, "--html", str(page), "--pyperf", str(edited / "p.json")])
+    assert json.loads((edited / "p.json").read_text())["metadata"]["raytide_class"] == "edited since it was written"
+    text = page.read_text()
+    assert text.count("edited since it was written: no score") == 2 and "(raytide as shipped" not in text
+    assert "9999 points" not in shown + text and ">9999<" not in text
+
+
+def test_edited_files_stand_last_in_a_summary(edited: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = json.loads(RESULTS[0].read_text(encoding="utf-8"))
+    broken["score"]["value"], broken["workloads"][0]["status"] = None, "error"
+    written(edited / "z.bench.json", broken)
+    page = edited / "s.html"
+    assert main(["bench", "summary", str(edited), "--html", str(page)]) == 0
+    out, text = capsys.readouterr().out, page.read_text()
+    rows = out.splitlines()[2:]
+    assert len(rows) == len(RESULTS) + 1 and "edited since it was written: no score" in rows[-1]
+    assert "| error |" in rows[-2] and "closed" not in rows[-1]
+    assert "9999" not in out and ">9999<" not in text and "edited since it was written: no score" in text

@@ -12,6 +12,7 @@ from typing import Any
 from raytide.bench.workloads import WORKLOADS
 from raytide.report.summary import geometric_mean
 
+EDITED = "edited since it was written"  # a result file; then it has no score
 FILE = Path(__file__).with_name("reference_rates.json")
 NAMES = {"full": "Score", "quick": "Quick score"}
 STUDENT = {2: 12.71, 3: 4.303, 4: 3.182, 5: 2.776}  # 97.5 % points of t by the number of visits
@@ -69,6 +70,14 @@ def interval(value: float | None, visits: list[float] | None, spreads: list[floa
 def score_line(score: dict[str, Any] | None) -> str | None:
     """`Score: 1234 points`, or None where there is none."""
     return f"{score['name']}: {score['value']:.0f} points" if score and score["value"] is not None else None
+
+
+def standing(result: dict[str, Any]) -> str:
+    """`class closed, unverified`, with what took the run out of its class; of an edited file that it is one."""
+    if result.get("edited"):
+        return EDITED
+    reasons = f" ({'; '.join(result['class_reasons'])})" if result["class_reasons"] else ""
+    return f"class {result['class']}{reasons}, {result['verification']}"
 
 
 def interval_line(score: dict[str, Any] | None) -> str | None:
