@@ -5,9 +5,9 @@
 
 Needed after every change of a workload or of SUITE_VERSION, on an idle machine of two cores, from a clean checkout.
 A rate is the median of those of all runs of its suite. Refuses runs that are not whole, not right, not of the
-closed class, or edited since they were written. One run or two must be known to 3 % each, and undisturbed; of three or more the median must be known to
-3 % by how the runs differ. --nevertheless takes what is not known so well. Commit what it wrote before anything is
-scored by it: an edited table makes a run `open`.
+closed class, or edited since they were written. One run or two must be known to 3 % each, and undisturbed; of three or
+more the median must be known to 3 % by how the runs differ. --nevertheless takes what is not known so well. Commit what
+it wrote before anything is scored by it: an edited table makes a run `open`.
 """
 
 from __future__ import annotations

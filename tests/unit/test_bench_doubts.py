@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from bench_cases import RESULTS
+from raytide.bench.report import result_page
 from raytide.bench.runner import sealed
+from raytide.bench.show import tables
 from raytide.cli.main import main
 
 STORED = next(path for path in RESULTS if path.name == "pocl-wheel.bench.json")
@@ -74,6 +76,35 @@ def test_edited_files_stand_last_in_a_summary(edited: Path, capsys: pytest.Captu
     assert main(["bench", "summary", str(edited), "--html", str(page)]) == 0
     out, text = capsys.readouterr().out, page.read_text()
     rows = out.splitlines()[2:]
+    assert "| ok, unstable |" in out and "| ok |" in out
     assert len(rows) == len(RESULTS) + 1 and "edited since it was written: no score" in rows[-1]
-    assert "| error |" in rows[-2] and "closed" not in rows[-1]
+    assert "| error, " in rows[-2] and "closed" not in rows[-1]
     assert "9999" not in out and ">9999<" not in text and "edited since it was written: no score" in text
+
+
+def flagged(**flags: tuple[str, ...]) -> dict[str, Any]:
+    """The stored result with these flags on these workloads only."""
+    result = stored()
+    for one in result["workloads"]:
+        one["summary"] |= {flag: flag in flags.get(one["id"], ()) for flag in ("disturbed", "unstable", "drifting")}
+    return result
+
+
+@pytest.mark.parametrize(("flags", "end"), [
+    ({}, "Quick score: 1429 points"),
+    ({"cornell": ("drifting",)}, "Quick score: 1429 points"),
+    ({"cornell": ("unstable",)}, "Quick score: 1429 points (of 6 workloads 1 unstable: run it again)"),
+    ({"cornell": ("unstable",), "lights": ("disturbed", "unstable"), "terrain": ("disturbed",)},
+     "Quick score: 1429 points (of 6 workloads 2 disturbed, 2 unstable: run it again on an idle machine)"),
+])  # fmt: skip
+def test_the_score_itself_says_what_weakens_it(flags: dict[str, tuple[str, ...]], end: str, tmp_path: Path) -> None:
+    result = flagged(**flags)
+    assert tables(result).splitlines()[-1] == end and end in result_page(result)
+    if end.endswith("points"):
+        assert f"{end} (" not in result_page(result)
+
+
+def test_a_score_whose_visits_are_far_apart_says_so_without_any_flag() -> None:
+    result = flagged()
+    result["score"]["ci95"] = [86.0, 9496.0]
+    assert tables(result).endswith("(95 %)\nQuick score: 1429 points (visits far apart: run it again)")

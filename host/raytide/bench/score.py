@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 import statistics
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from raytide.bench.doubts import doubt_of
 from raytide.bench.workloads import WORKLOADS
 from raytide.report.summary import geometric_mean
 
@@ -67,9 +69,12 @@ def interval(value: float | None, visits: list[float] | None, spreads: list[floa
     return [value * math.exp(-half), value * math.exp(half)]
 
 
-def score_line(score: dict[str, Any] | None) -> str | None:
-    """`Score: 1234 points`, or None where there is none."""
-    return f"{score['name']}: {score['value']:.0f} points" if score and score["value"] is not None else None
+def score_line(score: dict[str, Any] | None, workloads: Sequence[dict[str, Any]] = ()) -> str | None:
+    """`Score: 1234 points`, and what its readers must know of it; None where there is none."""
+    if not score or score["value"] is None:
+        return None
+    doubt = doubt_of(workloads, score.get("ci95"))
+    return f"{score['name']}: {score['value']:.0f} points" + (f" ({doubt})" if doubt else "")
 
 
 def standing(result: dict[str, Any]) -> str:

@@ -102,7 +102,7 @@ def device_facts(result: dict[str, Any]) -> dict[str, object]:
     device = result["device"] or {}
     reasons, edited = "; ".join(result["class_reasons"]), bool(result.get("edited"))
     shipped = f" ({reasons})" if reasons else " (raytide as shipped, nothing set)"
-    line = score_line(result.get("score"))
+    line = score_line(result.get("score"), result["workloads"])
     return {
         "device": result["device_id"], "name": device.get("name", "could not be opened"),
         "driver": f"{device.get('platform', '')} {device.get('driver', '')}",

@@ -7,6 +7,7 @@ import io
 import statistics
 from typing import Any
 
+from raytide.bench.doubts import flags_of
 from raytide.bench.score import EDITED, interval_line, score_line, standing
 
 _WORDS = ("", "LIMITED BY")  # heads of columns of words
@@ -68,8 +69,7 @@ def remark(part: dict[str, Any]) -> str:
         return f"{part['status']}: {part['reason']}"
     summary = part.get("summary") or {}
     left_out = summary.get("left_out")
-    words = [word for word in ("disturbed", "unstable", "drifting") if summary.get(word)]
-    return ", ".join([*words, *([f"{left_out} disturbed values left out"] if left_out else [])])
+    return ", ".join([*flags_of(part), *([f"{left_out} disturbed values left out"] if left_out else [])])
 
 
 def spread(summary: dict[str, Any]) -> str:
@@ -226,7 +226,7 @@ def verdict(result: dict[str, Any]) -> str:
     if result.get("edited"):
         return f"{EDITED}: no score"
     score = result.get("score")
-    line, doubt = score_line(score), interval_line(score)
+    line, doubt = score_line(score, result["workloads"]), interval_line(score)
     if line:
         return f"{doubt}\n{line}" if doubt else line
     if not score:

@@ -112,7 +112,9 @@ def jobs_of(
             raise UsageError(f"workload: came {name!r}; wanted {wanted}")
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
-    for key, value, least in (("patience", patience, 1.0), ("soak", soak, 0.0), ("threads", 1 if threads is None else threads, 1)):
+    numbers = [("patience", patience, 1.0), ("soak", soak, 0.0)]
+    numbers += [] if threads is None else [("threads", threads, 1)]
+    for key, value, least in numbers:
         if not least <= value < 1e6:
             raise UsageError(f"{key}: came {value:g}; wanted a number from {least:g} on")
     seed = secrets.randbits(30) if scramble else None
