@@ -4,10 +4,10 @@
     python3 tools/run.py python tools/freeze_scores.py FILE ...   # from runs that `raytide bench -o` wrote
 
 Needed after every change of a workload or of SUITE_VERSION, on an idle machine of two cores, from a clean checkout.
-A rate is the median of those of all runs of its suite. Refuses runs that are not whole, not right, or not of the
-closed class. One run or two must be known to 3 % each, and undisturbed; of three or more the median must be known to
-3 % by how the runs differ. --nevertheless takes what is not known so well. Commit what it wrote before anything is
-scored by it: an edited table makes a run `open`.
+A rate is the median of those of all runs of its suite. Refuses runs that are not whole, not right, not of the
+closed class, or edited since they were written. One run or two must be known to 3 % each, and undisturbed; of three or
+more the median must be known to 3 % by how the runs differ. --nevertheless takes what is not known so well. Commit what
+it wrote before anything is scored by it: an edited table makes a run `open`.
 """
 
 from __future__ import annotations
@@ -85,6 +85,7 @@ def refusals(result: dict[str, Any]) -> list[str]:
         out.append(f"came device {result['device_id']}; wanted the embedded PoCL ({DEVICE})")
     if result["tool"]["suite_version"] != SUITE_VERSION:
         out.append(f"came suite {result['tool']['suite_version']}; wanted {SUITE_VERSION}")
+    out += ["the file was edited since it was written"] if result.get("edited") else []
     return out + [f"the run is open: {reason}" for reason in result["class_reasons"]]
 
 
