@@ -91,6 +91,24 @@ def test_wrong_words_exit_with_2_and_name_the_nearest_right_one(
     assert "Traceback" not in err
 
 
+@pytest.mark.parametrize(
+    ("words", "help_of"),
+    [
+        (["bench", "compare", "A", "B", "--fail-above", "-5%"], "raytide bench compare"),
+        (["bench", "--thread", "2"], "raytide bench"),
+        (["scene", "check", "--foo"], "raytide scene check"),
+        (["scene", "chek", "x"], "raytide scene"),
+        (["compare", "bench"], "raytide compare"),
+        (["--foo"], "raytide"),
+    ],
+)
+def test_wrong_words_point_at_the_help_of_the_innermost_command(
+    capsys: pytest.CaptureFixture[str], words: list[str], help_of: str
+) -> None:
+    assert cli.main(words) == 2
+    assert f"(`{help_of} --help` lists" in capsys.readouterr().err
+
+
 def test_no_command_shows_help_on_stderr_and_fails(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main([]) == 2
     out, err = capsys.readouterr()

@@ -15,7 +15,7 @@ from raytide.cli import COMMAND_WORDS, OTHER_VARIABLES, PREFIX
 from raytide.errors import RaytideError
 
 if TYPE_CHECKING:
-    from cyclopts import App
+    from cyclopts import App, CycloptsError
     from rich.console import Console
 
 # name: where the function or App is, and its line in the help
@@ -80,7 +80,7 @@ def run(words: list[str]) -> int:
     try:
         result = app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        return failed(f"{' '.join(str(error).split())} (`{help_command(words)}` lists the options)", 2, words)
+        return failed(f"{' '.join(str(error).split())} (`{help_command(error)}` lists the options)", 2, words)
     return result if isinstance(result, int) else 0
 
 
@@ -123,9 +123,9 @@ def people() -> Console:
     return console.Console(stderr=True)
 
 
-def help_command(words: Sequence[str]) -> str:
-    """The command whose help fits what was typed."""
-    return f"raytide {words[0]} --help" if words[0] in COMMANDS else "raytide --help"
+def help_command(error: CycloptsError) -> str:
+    """The command whose help fits what was typed: the innermost that was found, `raytide bench compare --help`."""
+    return " ".join(["raytide", *(error.command_chain or ()), "--help"])
 
 
 def failed(message: str, code: int, words: Sequence[str]) -> int:
