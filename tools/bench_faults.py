@@ -77,8 +77,8 @@ FAULTS = (
     Fault("pictures interpolated along one axis only", "textured", "texture/bitmap.cl",
           "y.high = t->height - 1u - up.high;", "y.high = y.low;"),
     Fault("every numbered sample drawn twice", "spheres", "wave/primary.cl",
-          "const uint sample = first_sample + group % samples_in_chunk;",
-          "const uint sample = (first_sample + group % samples_in_chunk) & ~1u;"),
+          "const uint sample = first_sample + item / TILE % samples_in_chunk;",
+          "const uint sample = (first_sample + item / TILE % samples_in_chunk) & ~1u;"),
     Fault("what lies behind a hit is visited too", "terrain", "accel/traverse.cl",
           "while ((uint)(entry >> 32) > last) {", "while ((uint)(entry >> 32) > last && !last) {"),
 )  # fmt: skip

@@ -1,13 +1,13 @@
 """Freezes the benchmark's table of scores: what the embedded PoCL does here and now becomes 1000 points.
 
-    python3 tools/run.py python tools/freeze_scores.py            # measures first: half an hour
+    python3 tools/run.py python tools/freeze_scores.py            # measures first: a quarter of an hour
     python3 tools/run.py python tools/freeze_scores.py FILE ...   # from runs that `raytide bench -o` wrote
 
 Needed after every change of a workload or of SUITE_VERSION, on an idle machine of two cores, from a clean checkout.
-A rate is the median of those of all runs of its suite. Refuses runs that are not whole, not right, or not of the
-closed class. One run or two must be known to 3 % each, and undisturbed; of three or more the median must be known to
-3 % by how the runs differ. --nevertheless takes what is not known so well. Commit what it wrote before anything is
-scored by it: an edited table makes a run `open`.
+A rate is the median of those of all runs of its suite. Refuses runs that are not whole, not right, not of the
+closed class, or edited since they were written. One run or two must be known to 3 % each, and undisturbed; of three or
+more the median must be known to 3 % by how the runs differ. --nevertheless takes what is not known so well. Commit what
+it wrote before anything is scored by it: an edited table makes a run `open`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def main(words: list[str] | None = None) -> int:
     """Exit code: 4 where a run will not do."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=Path, help="results of suites full, quick or renders")
-    parser.add_argument("--runs", type=int, default=3, metavar="N", help="of each suite, where no files are given")
+    parser.add_argument("--runs", type=int, default=3, metavar="N", help="of each plan, where no files are given")
     parser.add_argument("--nevertheless", action="store_true", help="take open, disturbed and unstable runs too")
     wanted = parser.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="raytide-freeze-") as folder:
@@ -66,12 +66,12 @@ def main(words: list[str] | None = None) -> int:
 
 
 def measured(folder: Path, runs: int) -> list[Path]:
-    """Files of both suites in turn, on the embedded PoCL."""
+    """Files of the workloads by both plans in turn, on the embedded PoCL."""
     files = []
     for k in range(runs):
-        for suite in ("full", "quick"):
-            files.append(folder / f"{suite}-{k}.bench.json")
-            words = ["bench", "--suite", suite, "--device", DEVICE, "-o", str(files[-1])]
+        for plan, options in (("full", []), ("quick", ["--quick"])):
+            files.append(folder / f"{plan}-{k}.bench.json")
+            words = ["bench", "--suite", "renders", *options, "--device", DEVICE, "-o", str(files[-1])]
             subprocess.run([sys.executable, "-m", "raytide", *words], cwd=ROOT)
     return files
 
@@ -85,6 +85,7 @@ def refusals(result: dict[str, Any]) -> list[str]:
         out.append(f"came device {result['device_id']}; wanted the embedded PoCL ({DEVICE})")
     if result["tool"]["suite_version"] != SUITE_VERSION:
         out.append(f"came suite {result['tool']['suite_version']}; wanted {SUITE_VERSION}")
+    out += ["the file was edited since it was written"] if result.get("edited") else []
     return out + [f"the run is open: {reason}" for reason in result["class_reasons"]]
 
 

@@ -10,6 +10,8 @@
 // Further parameters of kernels that trace shadow rays; their geometry is GEOMETRY_AND_TEXTURES.
 #define MASK_ARGUMENTS , global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS
 #define GEOMETRY_AND_MASKS GEOMETRY_AND_TEXTURES
+#define MASKS_ARGUMENT , global const Object *objects, global const Material *materials
+#define MASKS , objects, materials
 
 // Share of light that a surface stops.
 static float opacity_at(const Geometry g, global const Object *objects, global const Material *materials,
@@ -46,4 +48,6 @@ static Ray ray_beyond(const Ray ray, const Surface *s)
 #else
 #define MASK_ARGUMENTS
 #define GEOMETRY_AND_MASKS GEOMETRY_OF_ARGUMENTS
+#define MASKS_ARGUMENT
+#define MASKS
 #endif

@@ -36,6 +36,14 @@
 // Where a call would spill vector registers in the innermost loop.
 #define ALWAYS_INLINE __attribute__((always_inline))
 
+// The long part of a kernel. PoCL inlines a kernel into both of its launchers and makes machine code of all three, but
+// of a function that it calls once only. Structs of the scene come by pointer and are copied, to be kept in registers.
+#if DEVICE_POCL
+#define COMPILED_ONCE __attribute__((noinline))
+#else
+#define COMPILED_ONCE
+#endif
+
 static uint bits_of(const float x) { return as_uint(x); }
 static float float_of(const uint bits) { return as_float(bits); }
 

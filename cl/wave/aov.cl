@@ -26,18 +26,13 @@ static float3 albedo_at(const Geometry g, global const Material *materials, cons
     return albedo;
 }
 
-// What lies under each pixel's centre: albedo and depth, normal, position and object. One ray a pixel, free of noise.
-// Race rule: every item owns its pixel. On a miss the object is NONE and the depth infinite.
-VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
-kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
-                global const Camera *camera, global const Settings *settings, const uint first_pixel,
-                const uint pixels, global float4 *albedo_depth, global float4 *normal, global float4 *position_object)
+// Row `i` of a pixel's layers.
+static COMPILED_ONCE void aov_pixel(const Geometry *geometry, global const Object *objects,
+                                    global const Material *materials, global const Camera *camera,
+                                    global const Settings *settings, const uint first_pixel, const uint i,
+                                    global float4 *albedo_depth, global float4 *normal, global float4 *position_object)
 {
-    const uint i = (uint)get_global_id(0);
-    if (i >= pixels) {
-        return;
-    }
-    const Geometry g = GEOMETRY_AND_TEXTURES;
+    const Geometry g = *geometry;
     const uint pixel = first_pixel + i;
     const uint2 place = (uint2)(settings->first_x + pixel % settings->width, settings->first_y + pixel / settings->width);
     const float2 center = (float2)((float)place.x + 0.5f, (float)place.y + 0.5f);
@@ -75,4 +70,19 @@ kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const M
     albedo_depth[i] = make4(albedo, hit.t);
     normal[i] = make4(n, 0.0f);
     position_object[i] = make4(s.p, float_of(s.object));
+}
+
+// What lies under each pixel's centre: albedo and depth, normal, position and object. One ray a pixel, free of noise.
+// Race rule: every item owns its pixel. On a miss the object is NONE and the depth infinite.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(64, 1, 1)))
+kernel void aov(GEOMETRY_ARGUMENTS, global const Object *objects, global const Material *materials TEXTURE_ARGUMENTS,
+                global const Camera *camera, global const Settings *settings, const uint first_pixel,
+                const uint pixels, global float4 *albedo_depth, global float4 *normal, global float4 *position_object)
+{
+    const uint i = (uint)get_global_id(0);
+    if (i >= pixels) {
+        return;
+    }
+    const Geometry g = GEOMETRY_AND_TEXTURES;
+    aov_pixel(&g, objects, materials, camera, settings, first_pixel, i, albedo_depth, normal, position_object);
 }

@@ -17,6 +17,7 @@ typedef struct {
 } Bounds;
 
 #define CLAMP_ARGUMENTS , const float clamp_direct, const float clamp_indirect, global float4 *cut
+#define CLAMPS , clamp_direct, clamp_indirect, cut
 #define BOUNDS_ARGUMENT , const Bounds bounds
 #define BOUNDS_GIVEN , bounds_of(clamp_direct, clamp_indirect, cut)
 #define BOUNDS_OF(shading) , (shading)->bounds
@@ -31,6 +32,7 @@ static Bounds bounds_of(const float direct, const float indirect, global float4 
 }
 #else
 #define CLAMP_ARGUMENTS
+#define CLAMPS
 #define BOUNDS_ARGUMENT
 #define BOUNDS_GIVEN
 #define BOUNDS_OF(shading)

@@ -5,18 +5,13 @@
 #include "accel/listed.cl"
 #include "wave/path.cl"
 
-// `extend` for scenes of few triangles: sets of eight rays through all of them; an item takes TILE rays.
-// Race rule: slots in a queue are distinct, and each item writes only the hits of its own.
-VEC_LEN_HINT __attribute__((reqd_work_group_size(TILE_GROUP, 1, 1)))
-kernel void extend_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS, global const uint *queue, const uint first,
-                        const uint count, global const Ray *rays, global Hit *hits)
+// Traces the rays from place `begin` of the queue on that are an item's.
+static COMPILED_ONCE void extend_list_span(const Geometry *geometry, const List *given, global const uint *queue,
+                                           const uint first, const uint count, global const Ray *rays,
+                                           global Hit *hits, const uint begin)
 {
-    const uint begin = (uint)get_global_id(0) * TILE;
-    if (begin >= count) {
-        return;
-    }
-    const Geometry g = GEOMETRY_OF_ARGUMENTS;
-    const List list = LIST_OF_ARGUMENTS;
+    const Geometry g = *geometry;
+    const List list = *given;
     const float extent = geometry_extent(g);
     const uint end = count - begin < TILE ? count : begin + TILE;
     ListWork work;
@@ -42,4 +37,19 @@ kernel void extend_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS, global const uint *qu
             }
         }
     }
+}
+
+// `extend` for scenes of few triangles: sets of eight rays through all of them; an item takes TILE rays.
+// Race rule: slots in a queue are distinct, and each item writes only the hits of its own.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(TILE_GROUP, 1, 1)))
+kernel void extend_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS, global const uint *queue, const uint first,
+                        const uint count, global const Ray *rays, global Hit *hits)
+{
+    const uint begin = (uint)get_global_id(0) * TILE;
+    if (begin >= count) {
+        return;
+    }
+    const Geometry g = GEOMETRY_OF_ARGUMENTS;
+    const List list = LIST_OF_ARGUMENTS;
+    extend_list_span(&g, &list, queue, first, count, rays, hits, begin);
 }

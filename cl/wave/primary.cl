@@ -9,8 +9,9 @@
 #include "wave/span.cl"
 #include "wave/tile.cl"
 
-// Fills `count` free slots with camera rays. 64 neighbouring items are one 8x8 tile at one sample, so that rays next
-// to each other in the queue stay next to each other on the image. Race rule: every item owns its slot and its sample.
+// Fills `count` free slots with camera rays, tile by tile, and in a tile pixel by pixel: rays next to each other in the
+// queue stay next to each other on the image. An item's number is that of its place among the chunk's results, where 64
+// are a tile at one sample. Race rule: every item owns its slot and its sample.
 __attribute__((reqd_work_group_size(64, 1, 1)))
 kernel void primary(global const Camera *camera, global const Settings *settings, global const uint *queue,
                     const uint queue_first, const uint first_item, const uint count, const uint first_tile,
@@ -23,20 +24,23 @@ kernel void primary(global const Camera *camera, global const Settings *settings
         return;
     }
     const uint slot = queue[queue_first + i];
-    const uint item = first_item + i;
-    const uint lane = item % TILE;
-    const uint group = item / TILE;
+    const uint place = first_item + i;
 #if HAS_ADAPTIVE
-    const uint tile = first_tile + group_tiles[group];
+    const uint4 span = spans[group_tiles[place / TILE]];
+    const uint first = span.y * TILE;
+    const uint item = first + traced_at(place - first, span.z);
+    const uint tile = first_tile + group_tiles[place / TILE];
 #else
-    const uint sample = first_sample + group % samples_in_chunk;
-    const uint tile = first_tile + group / samples_in_chunk;
+    const uint within = place % (TILE * samples_in_chunk);
+    const uint item = place - within + traced_at(within, samples_in_chunk);
+    const uint sample = first_sample + item / TILE % samples_in_chunk;
+    const uint tile = first_tile + item / TILE / samples_in_chunk;
 #endif
+    const uint lane = item % TILE;
     const uint2 at = tile_pixel(settings, tile, lane);
 #if HAS_ADAPTIVE
-    const uint4 span = spans[group_tiles[group]];
     const uint2 range = range_of(ranges[tile], at.x, at.y);
-    const uint sample = range.x + span.x + group - span.y;
+    const uint sample = range.x + span.x + item / TILE - span.y;
     const int inside = sample < range.y && at.x < settings->width && at.y < settings->height;
 #else
     const int inside = at.x < settings->width && at.y < settings->height;

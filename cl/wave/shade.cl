@@ -121,6 +121,24 @@ static void shade_slot(const Shading *s, const uint i LEFT_NORMALS_ARGUMENT SCAT
     s->status[i] = next | (edge << STATUS_EDGES_SHIFT);
 }
 
+// Shades places begin to end - 1 of the queue.
+static COMPILED_ONCE void shade_span(const Shading *given, const uint begin, const uint end LEFT_NORMALS_ARGUMENT
+                                     SCATTERINGS_ARGUMENT MEDIA_ARGUMENT CAUSTICS_ARGUMENT)
+{
+    Shading s = *given;
+#if SORTED
+    uint8 order[SHADE_RAYS / LANES];
+    order_by_kind(&s, begin, end, (uint *)order);
+    s.begin = begin;
+    s.order = (const uint *)order;
+#endif
+    for (uint i = begin; i < end; i += GROUP_SLOTS) {
+        for (uint rest = shade_group(&s, i, end LEFT_NORMALS CAUSTICS); rest != 0u; rest &= rest - 1u) {
+            shade_slot(&s, place_of(&s, i + ctz_of(rest)) LEFT_NORMALS SCATTERINGS MEDIA CAUSTICS);
+        }
+    }
+}
+
 // Shades the vertices of the queue, SHADE_RAYS an item: eight at once where that is possible, the others one by one.
 // Race rule: every queue item owns its slot, and every slot owns its entry of `samples`.
 VEC_LEN_HINT __attribute__((reqd_work_group_size(SHADE_GROUP, 1, 1)))
@@ -143,15 +161,5 @@ kernel void shade(GEOMETRY_ARGUMENTS, global const Object *objects, global const
 #if HAS_CLAMP
     s.bounds = bounds_of(clamp_direct, clamp_indirect, cut);
 #endif
-#if SORTED
-    uint8 order[SHADE_RAYS / LANES];
-    order_by_kind(&s, begin, end, (uint *)order);
-    s.begin = begin;
-    s.order = (const uint *)order;
-#endif
-    for (uint i = begin; i < end; i += GROUP_SLOTS) {
-        for (uint rest = shade_group(&s, i, end LEFT_NORMALS CAUSTICS); rest != 0u; rest &= rest - 1u) {
-            shade_slot(&s, place_of(&s, i + ctz_of(rest)) LEFT_NORMALS SCATTERINGS MEDIA CAUSTICS);
-        }
-    }
+    shade_span(&s, begin, end LEFT_NORMALS SCATTERINGS MEDIA CAUSTICS);
 }

@@ -8,20 +8,13 @@
 #include "wave/arrive.cl"
 #include "wave/path.cl"
 
-// Adds the light of every queued shadow ray that meets nothing, or what comes through, to its sample, whose index is in
-// the light's w; an item takes ITEM_RAYS. How many there are, the compaction knows: the host launches enough items
-// without waiting for it. Race rule: slots in a queue are distinct, and no two of them share a sample.
-VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
-kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
-                   global const uint *counters, global const Ray *shadow_rays, global const float4 *shadow_light,
-                   global float4 *samples CLAMP_ARGUMENTS)
+// Traces the rays from place `begin` of the queue on that are an item's.
+static COMPILED_ONCE void shadow_span(const Geometry *geometry MASKS_ARGUMENT,
+                                      global const uint *queue, const uint count, const uint begin,
+                                      global const Ray *shadow_rays, global const float4 *shadow_light,
+                                      global float4 *samples CLAMP_ARGUMENTS)
 {
-    const uint count = counters[COUNTER_SHADOW];
-    const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
-    if (begin >= count) {
-        return;
-    }
-    const Geometry g = GEOMETRY_AND_MASKS;
+    const Geometry g = *geometry;
     const float extent = geometry_extent(g);
     const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
 #if !DEVICE_GPU && !HAS_OPACITY
@@ -54,4 +47,21 @@ kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
         }
 #endif
     }
+}
+
+// Adds the light of every queued shadow ray that meets nothing, or what comes through, to its sample, whose index is in
+// the light's w; an item takes ITEM_RAYS. How many there are, the compaction knows: the host launches enough items
+// without waiting for it. Race rule: slots in a queue are distinct, and no two of them share a sample.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
+kernel void shadow(GEOMETRY_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
+                   global const uint *counters, global const Ray *shadow_rays, global const float4 *shadow_light,
+                   global float4 *samples CLAMP_ARGUMENTS)
+{
+    const uint count = counters[COUNTER_SHADOW];
+    const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
+    if (begin >= count) {
+        return;
+    }
+    const Geometry g = GEOMETRY_AND_MASKS;
+    shadow_span(&g MASKS, queue, count, begin, shadow_rays, shadow_light, samples CLAMPS);
 }

@@ -8,20 +8,14 @@
 #include "wave/arrive.cl"
 #include "wave/path.cl"
 
-// `shadow` for scenes of few triangles: sets of eight rays through all of them; an item takes TILE rays.
-// Race rule: slots in a queue are distinct, and no two of them share a sample.
-VEC_LEN_HINT __attribute__((reqd_work_group_size(TILE_GROUP, 1, 1)))
-kernel void shadow_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
-                        global const uint *counters, global const Ray *shadow_rays,
-                        global const float4 *shadow_light, global float4 *samples CLAMP_ARGUMENTS)
+// Traces the rays from place `begin` of the queue on that are an item's.
+static COMPILED_ONCE void shadow_list_span(const Geometry *geometry, const List *given MASKS_ARGUMENT,
+                                           global const uint *queue, const uint count, const uint begin,
+                                           global const Ray *shadow_rays, global const float4 *shadow_light,
+                                           global float4 *samples CLAMP_ARGUMENTS)
 {
-    const uint count = counters[COUNTER_SHADOW];
-    const uint begin = (uint)get_global_id(0) * TILE;
-    if (begin >= count) {
-        return;
-    }
-    const Geometry g = GEOMETRY_AND_MASKS;
-    const List list = LIST_OF_ARGUMENTS;
+    const Geometry g = *geometry;
+    const List list = *given;
     const float extent = geometry_extent(g);
     const uint end = count - begin < TILE ? count : begin + TILE;
     ListWork work;
@@ -52,4 +46,21 @@ kernel void shadow_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS MASK_ARGUMENTS, global
             }
         }
     }
+}
+
+// `shadow` for scenes of few triangles: sets of eight rays through all of them; an item takes TILE rays.
+// Race rule: slots in a queue are distinct, and no two of them share a sample.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(TILE_GROUP, 1, 1)))
+kernel void shadow_list(GEOMETRY_ARGUMENTS LIST_ARGUMENTS MASK_ARGUMENTS, global const uint *queue,
+                        global const uint *counters, global const Ray *shadow_rays,
+                        global const float4 *shadow_light, global float4 *samples CLAMP_ARGUMENTS)
+{
+    const uint count = counters[COUNTER_SHADOW];
+    const uint begin = (uint)get_global_id(0) * TILE;
+    if (begin >= count) {
+        return;
+    }
+    const Geometry g = GEOMETRY_AND_MASKS;
+    const List list = LIST_OF_ARGUMENTS;
+    shadow_list_span(&g, &list MASKS, queue, count, begin, shadow_rays, shadow_light, samples CLAMPS);
 }

@@ -186,6 +186,10 @@ def test_one_bright_sample_is_no_bias_and_a_small_shift_of_all_runs_is() -> None
         (["--workload", "cornel"], "did you mean 'cornell'?"),
         (["--traversal", "psychic"], "'psychic'; wanted one of single"),
         (["--patience", "0"], "patience: came 0"),
+        (["--threads", "0"], "threads: came 0; wanted a number from 1 on"),
+        (["--suite", "peaks", "--workload", "cornell"], "workload: does nothing in suite peaks"),
+        (["--suite", "rays", "--soak", "9"], "soak: does nothing in suite rays; wanted suite quick, full or renders"),
+        (["--suite", "build", "--traversal", "plain"], "wanted suite quick, full or rays"),
         (["--suite", "all"], "all"),
     ],
 )

@@ -56,6 +56,7 @@ def test_a_sound_run_will_do(run: dict[str, Any]) -> None:
     (("workloads", 0, "summary", "disturbed"), True, "cornell is disturbed", False),
     (("workloads", 0, "summary", "unstable"), True, "cornell is unstable", False),
     (("class_reasons",), ["--threads"], "the run is open: --threads", True),
+    (("edited",), True, "the file was edited", True),
 ])  # fmt: skip
 def test_no_other_run_will_do(
     run: dict[str, Any], place: tuple[Any, ...], value: Any, said: str, always: bool

@@ -16,7 +16,8 @@ LARGEST = 64 << 20  # bytes
 
 
 def load_result(path: Path) -> dict[str, Any]:
-    """The content of a result file; `edited` is True in it where its hash does not fit. Raises UsageError."""
+    """The content of a result file. Where its hash does not fit, `edited` is True in it and it has no score, so that no
+    reader can show one. Raises UsageError."""
     try:
         if path.stat().st_size > LARGEST:
             raise UsageError(f"{path}: came {path.stat().st_size} bytes; wanted a result file of at most {LARGEST}")
@@ -33,5 +34,5 @@ def load_result(path: Path) -> dict[str, Any]:
         said = f"{path}: {place}: {first['msg'].lower()}; wanted a file that `raytide bench -o` wrote"
         raise UsageError(said) from None
     result: dict[str, Any] = content
-    result["edited"] = canonical_sha256(result) != result["integrity"]["canonical_sha256"]
-    return result
+    edited = canonical_sha256(result) != result["integrity"]["canonical_sha256"]
+    return result | {"edited": True, "score": None} if edited else result | {"edited": False}

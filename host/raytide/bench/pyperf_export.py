@@ -14,6 +14,7 @@ import numpy as np
 
 from raytide.bench.compare import rates_of
 from raytide.bench.others import disturbed, seconds_of
+from raytide.bench.score import EDITED
 from raytide.bench.show import measurements
 from raytide.errors import UsageError
 
@@ -46,7 +47,8 @@ def about(result: dict[str, Any]) -> dict[str, Any]:
         "cpu_model_name": host["cpu_model"], "cpu_count": host["cpu_logical"], "platform": host["kernel"],
         "load_avg_1min": host["load_avg_1m_start"], "python_version": host["python"],
         "raytide_version": tool["version"], "raytide_suite": f"{result['suite']} {tool['suite_version']}",
-        "raytide_class": result["class"], "raytide_verification": result["verification"],
+        "raytide_class": EDITED if result.get("edited") else result["class"],
+        "raytide_verification": result["verification"],
         "raytide_kernels_sha256": tool["kernels_sha256"], "opencl_device": result["device_id"],
         "opencl_driver": device.get("driver"), "timer": "perf_counter_ns",
     }  # fmt: skip

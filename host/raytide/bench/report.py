@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from raytide.bench.compare import Comparison, unit
-from raytide.bench.score import score_line
+from raytide.bench.doubts import ADVICE, flags_of
+from raytide.bench.score import EDITED, score_line
 from raytide.bench.sections import HOW_TO_READ, millions, parts_of, points_of
 from raytide.bench.show import figure as text_figure
 from raytide.bench.workloads import WORKLOADS
@@ -20,8 +21,9 @@ _HEADLINE = (("fp32_flop_per_s", "fp32 Gflop/s", 1e9), ("read_byte_per_s", "read
 def result_page(result: dict[str, Any]) -> str:
     """One result, for someone who has never seen the tool."""
     device = result["device"] or {}
-    line = score_line(result.get("score"))
-    lead = f"{device.get('name', result['device_id'])}: {line or 'no score'}; {result['verification']}"
+    line = score_line(result.get("score"), result["workloads"])
+    outcome = f"{EDITED}: no score" if result.get("edited") else f"{line or 'no score'}; {result['verification']}"
+    lead = f"{device.get('name', result['device_id'])}: {outcome}"
     return page(f"raytide bench: {result['device_id']}", *parts_of(result), lead=lead)
 
 
@@ -50,21 +52,36 @@ SUMMARY_HEAD = ("device", "score", "status", *WORKLOADS, *(word for _, word, _ i
 
 
 def summary_rows(results: Sequence[dict[str, Any]]) -> list[list[Any]]:
-    """One row a result: what identifies it, its score, Mrays/s of every workload, its peaks."""
+    """One row a result: what identifies it, its score, Mrays/s of every workload, its peaks. The best score first,
+    edited files last."""
     rows = []
-    for result in results:
+    for result in sorted(results, key=rank):
         device = result["device"] or {}
         rates = {one["id"]: millions((one.get("summary") or {}).get("median")) for one in result["workloads"]}
-        states = sorted({one["status"] for one in result["workloads"]} - {"ok"})
         peaks = result.get("peaks") or {}
         rows.append([
-            result["device_id"], points_of((result.get("score") or {}).get("value")), ", ".join(states) or "ok",
+            result["device_id"], points_of((result.get("score") or {}).get("value")), status_of(result),
             *(rates.get(name) for name in WORKLOADS),
             *(peaks[key] / scale if key in peaks else None for key, _, scale in _HEADLINE),
-            f"{result['suite']} {result['tool']['suite_version']}", result["class"],
+            f"{result['suite']} {result['tool']['suite_version']}",
+            "not known" if result.get("edited") else result["class"],
             device.get("name", "could not be opened"),
         ])  # fmt: skip
-    return sorted(rows, key=lambda row: -(row[1] or 0.0))
+    return rows
+
+
+def rank(result: dict[str, Any]) -> tuple[bool, float]:
+    """The place of a result in a summary: edited files behind all others, then by score."""
+    return bool(result.get("edited")), -((result.get("score") or {}).get("value") or 0.0)
+
+
+def status_of(result: dict[str, Any]) -> str:
+    """What a reader of a summary must know of a result."""
+    if result.get("edited"):
+        return f"{EDITED}: no score"
+    rows = result["workloads"]
+    bad = sorted({one["status"] for one in rows} - {"ok"})
+    return ", ".join([*(bad or ["ok"]), *(flag for flag in ADVICE if any(flag in flags_of(one) for one in rows))])
 
 
 def summary_markdown(results: Sequence[dict[str, Any]]) -> str:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import math
 import statistics
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from raytide.bench.doubts import doubt_of
 from raytide.bench.workloads import WORKLOADS
 from raytide.report.summary import geometric_mean
 
+EDITED = "edited since it was written"  # a result file; then it has no score
 FILE = Path(__file__).with_name("reference_rates.json")
 NAMES = {"full": "Score", "quick": "Quick score"}
 STUDENT = {2: 12.71, 3: 4.303, 4: 3.182, 5: 2.776}  # 97.5 % points of t by the number of visits
@@ -66,9 +69,20 @@ def interval(value: float | None, visits: list[float] | None, spreads: list[floa
     return [value * math.exp(-half), value * math.exp(half)]
 
 
-def score_line(score: dict[str, Any] | None) -> str | None:
-    """`Score: 1234 points`, or None where there is none."""
-    return f"{score['name']}: {score['value']:.0f} points" if score and score["value"] is not None else None
+def score_line(score: dict[str, Any] | None, workloads: Sequence[dict[str, Any]] = ()) -> str | None:
+    """`Score: 1234 points`, and what its readers must know of it; None where there is none."""
+    if not score or score["value"] is None:
+        return None
+    doubt = doubt_of(workloads, score.get("ci95"))
+    return f"{score['name']}: {score['value']:.0f} points" + (f" ({doubt})" if doubt else "")
+
+
+def standing(result: dict[str, Any]) -> str:
+    """`class closed, unverified`, with what took the run out of its class; of an edited file that it is one."""
+    if result.get("edited"):
+        return EDITED
+    reasons = f" ({'; '.join(result['class_reasons'])})" if result["class_reasons"] else ""
+    return f"class {result['class']}{reasons}, {result['verification']}"
 
 
 def interval_line(score: dict[str, Any] | None) -> str | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from raytide.bench.clocks import clocks_section
 from raytide.bench.pictures import FULL_SCALE
-from raytide.bench.score import interval_line, score_line
+from raytide.bench.score import EDITED, interval_line, score_line
 from raytide.bench.show import figure as text_figure
 from raytide.bench.show import measurements, remark
 from raytide.report.page import (
@@ -100,15 +100,16 @@ def parts_of(result: dict[str, Any]) -> list[Html]:
 def device_facts(result: dict[str, Any]) -> dict[str, object]:
     """What was measured, and the outcome."""
     device = result["device"] or {}
-    reasons = "; ".join(result["class_reasons"])
-    line = score_line(result.get("score"))
+    reasons, edited = "; ".join(result["class_reasons"]), bool(result.get("edited"))
+    shipped = f" ({reasons})" if reasons else " (raytide as shipped, nothing set)"
+    line = score_line(result.get("score"), result["workloads"])
     return {
         "device": result["device_id"], "name": device.get("name", "could not be opened"),
         "driver": f"{device.get('platform', '')} {device.get('driver', '')}",
         "compute units (as the driver says)": device.get("compute_units"),
         "suite": f"{result['suite']} {result['tool']['suite_version']}",
-        "class": result["class"] + (f" ({reasons})" if reasons else " (raytide as shipped, nothing set)"),
-        "score": grade(line or "none", bool(line)),
+        "class": "not known" if edited else result["class"] + shipped,
+        "score": grade(f"{EDITED}: no score" if edited else line or "none", bool(line)),
         "by its noise and its visits": interval_line(result.get("score")) or "not known",
         "measured": f"{result['created_utc']}, {result['duration_s']:.0f} s",
         "problems": "; ".join(result["problems"]) or "none",

@@ -7,7 +7,8 @@ import io
 import statistics
 from typing import Any
 
-from raytide.bench.score import interval_line, score_line
+from raytide.bench.doubts import flags_of
+from raytide.bench.score import EDITED, interval_line, score_line, standing
 
 _WORDS = ("", "LIMITED BY")  # heads of columns of words
 PREFIXES = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"))
@@ -55,10 +56,8 @@ def heading(result: dict[str, Any]) -> str:
     lines = [result["device_id"]]
     if device:
         lines[0] += f": {device['name']}, {device['platform']} {device['driver']}, {device['compute_units']} units"
-    reasons = f" ({'; '.join(result['class_reasons'])})" if result["class_reasons"] else ""
     tool = result["tool"]
-    lines.append(f"raytide {tool['version']}, suite {tool['suite_version']} {result['suite']}, class {result['class']}"
-                 f"{reasons}, {result['verification']}")  # fmt: skip
+    lines.append(f"raytide {tool['version']}, suite {tool['suite_version']} {result['suite']}, {standing(result)}")
     for warning in (device or {}).get("probes", {}).get("warnings", []):
         lines.append(f"note: {warning}")
     return "\n".join(lines)
@@ -70,8 +69,7 @@ def remark(part: dict[str, Any]) -> str:
         return f"{part['status']}: {part['reason']}"
     summary = part.get("summary") or {}
     left_out = summary.get("left_out")
-    words = [word for word in ("disturbed", "unstable", "drifting") if summary.get(word)]
-    return ", ".join([*words, *([f"{left_out} disturbed values left out"] if left_out else [])])
+    return ", ".join([*flags_of(part), *([f"{left_out} disturbed values left out"] if left_out else [])])
 
 
 def spread(summary: dict[str, Any]) -> str:
@@ -225,8 +223,10 @@ def scramble_table(workloads: list[dict[str, Any]]) -> str:
 
 def verdict(result: dict[str, Any]) -> str:
     """The last line: the score, or why there is none."""
+    if result.get("edited"):
+        return f"{EDITED}: no score"
     score = result.get("score")
-    line, doubt = score_line(score), interval_line(score)
+    line, doubt = score_line(score, result["workloads"]), interval_line(score)
     if line:
         return f"{doubt}\n{line}" if doubt else line
     if not score:
@@ -242,15 +242,17 @@ COLUMNS = ("part", "name", "status", "reason", "metric", "unit", "median", "mad"
 
 
 def csv_text(result: dict[str, Any]) -> str:
-    """One row a measurement; numbers in the C locale."""
+    """One row a measurement; numbers in the C locale. Of an edited file every row's reason says so."""
+    edited = EDITED if result.get("edited") else ""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(("device", *COLUMNS))
     for part, name, one in measurements(result):
         summary = one.get("summary") or {}
         low, high = summary.get("ci95", ("", ""))
-        values = [part, name, one["status"], one["reason"] or "", *(summary.get(key, "") for key in COLUMNS[4:11]),
-                  low, high, *(summary.get(key, "") for key in COLUMNS[13:])]  # fmt: skip
+        reason = "; ".join(filter(None, (edited, one["reason"])))
+        values = [part, name, one["status"], reason, *(summary.get(key, "") for key in COLUMNS[4:11]), low, high,
+                 *(summary.get(key, "") for key in COLUMNS[13:])]  # fmt: skip
         writer.writerow((result["device_id"], *values))
     return out.getvalue()
 

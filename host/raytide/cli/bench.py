@@ -98,6 +98,7 @@ def jobs_of(
 ) -> list[Job]:
     """One for each device. Raises UsageError and DeviceError before anything runs."""
     import secrets
+    from dataclasses import replace
 
     from raytide.bench.runner import Job
     from raytide.bench.workloads import WORKLOADS
@@ -111,12 +112,24 @@ def jobs_of(
             raise UsageError(f"workload: came {name!r}; wanted {wanted}")
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
-    for key, value, least in (("patience", patience, 1.0), ("soak", soak, 0.0), ("threads", threads or 1, 1)):
+    numbers = [("patience", patience, 1.0), ("soak", soak, 0.0)]
+    numbers += [] if threads is None else [("threads", threads, 1)]
+    for key, value, least in numbers:
         if not least <= value < 1e6:
             raise UsageError(f"{key}: came {value:g}; wanted a number from {least:g} on")
     seed = secrets.randbits(30) if scramble else None
-    return [Job(name, suite, quick, threads, tuple(workload or ()), seed, soak, patience, traversal)
-            for name in device_ids(device)]  # fmt: skip
+    job = Job("", suite, quick, threads, tuple(workload or ()), seed, soak, patience, traversal)
+    refuse_idle(job)
+    return [replace(job, device=name) for name in device_ids(device)]
+
+
+def refuse_idle(job: Job) -> None:
+    """Refuse options that would change nothing in this suite. Raises UsageError."""
+    kinds = {part.partition("/")[0] for part in job.parts}
+    for option, given, needed in (("workload", bool(job.only), "renders"), ("soak", job.soak_s > 0, "renders"),
+                                  ("traversal", job.traversal != "single", "rays")):  # fmt: skip
+        if given and needed not in kinds:
+            raise UsageError(f"{option}: does nothing in suite {job.suite}; wanted suite quick, full or {needed}")
 
 
 def device_ids(wanted: str | None) -> list[str]:
@@ -294,6 +307,8 @@ def compare(
 def summary(folder: Path, /, *, html: Path | None = None) -> int:
     """Summarise a folder of result files as one table, and as one page that sorts and works offline.
 
+    Files that are no results are left out, and named.
+
     Parameters
     ----------
     folder
@@ -309,7 +324,14 @@ def summary(folder: Path, /, *, html: Path | None = None) -> int:
     if not files:
         raise UsageError(f"{folder}: came no file *{SUFFIX}; wanted a folder with results of `raytide bench -o`")
     check_outputs([], [html], no_clobber=False)
-    results = [load_result(file) for file in files]
+    results = []
+    for file in files:
+        try:
+            results.append(load_result(file))
+        except UsageError as error:
+            say(f"warning: left out {error}")
+    if not results:
+        raise UsageError(f"{folder}: none of its files *{SUFFIX} is a result; wanted what `raytide bench -o` wrote")
     print(summary_markdown(results))
     if html:
         write_document(html, summary_page(results))

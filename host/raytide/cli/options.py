@@ -75,15 +75,24 @@ def defines_of(words: Sequence[str] | None) -> dict[str, str]:
     return found
 
 
+def check_range(option: str, value: int | None, least: int, most: int | None = None) -> None:
+    """Refuse a whole number outside its range; None is not given. Raises UsageError, which names this option alone."""
+    if value is not None and not least <= value <= (value if most is None else most):
+        wanted = f"at least {least}" if most is None else f"from {least} to {most}"
+        raise UsageError(f"{option}: came {value}; wanted a whole number {wanted}")
+
+
 def check_outputs(
     outputs: Sequence[Path], others: Sequence[Path | None], no_clobber: bool, suffixes: Sequence[str] = SUFFIXES
 ) -> None:
     """Refuse, before any work is spent, files that could not be written; make missing folders.
 
-    Raises UsageError for a suffix that is not one of `suffixes`, one file named twice, a folder in the place of a file,
-    a folder that cannot be written, and with `no_clobber` a file that exists.
+    Raises UsageError for an empty name, a suffix that is not one of `suffixes`, one file named twice, a folder in the
+    place of a file, a folder that cannot be written, and with `no_clobber` a file that exists.
     """
     files = [*outputs, *(path for path in others if path)]
+    if Path() in files:
+        raise UsageError("came an empty name (or the working folder) for an output; wanted the name of a file")
     for path in outputs:
         if path.suffix.lower() not in suffixes:
             raise UsageError(f"{path}: came the suffix {path.suffix!r}; wanted one of {', '.join(suffixes)}")

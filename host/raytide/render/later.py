@@ -16,8 +16,8 @@ from raytide.kernels.source import Source
 from raytide.render.limits import Limits
 from raytide.render.schedule import Variant
 
-# Samples, about 4 s on two cores of a server. There, packets take 1.3 s to compile and save 5 to 10 % of a render:
-# what a render can lose in waiting for them, or by having them too soon, is about the same.
+# Samples, about 4 s on two cores of a server. There, packets take about a second to compile and save some
+# percent of a render: the more was rendered without them, the likelier it is that more will follow.
 ENOUGH = 1 << 23
 _RATE = 1e6  # samples a second and compute unit, where a time ends the render: a guess
 

@@ -51,7 +51,7 @@ class Renderer:
     `memory` bounds the wave buffers in bytes, or as text, "512M"; `everything` builds kernels with every feature (to
     see what leaving out saves); `layers` compiles the kernels of a film's layers with the others, not when they are
     first asked for; `traversal` says how rays are traced: "single", "list" (eight together through all of a few
-    triangles), "packet" (64 together, where rays are in tile order), "compact" (single, through a tree of small nodes)
+    triangles), "packet" (64 together, where rays follow the picture), "compact" (single, through a tree of small nodes)
     or "auto", which tries them (trial.py) or takes compact on GPUs; the picture is the same, bit for bit. `settings`
     override keys of the scene's [render] table and camera `size`. Use as a context manager. Two renderers may share a
     Device, one after the other: device times are counted by device.

@@ -1,7 +1,7 @@
 """Drives the waves of one chunk of samples: primary, then extend, shade, partition and shadow until no path is left.
 
 Paths that end make room for new camera rays (path regeneration), which are traced in a launch of their own, so that
-primaries stay in tile order. Nothing here decides what a picture is: any wave size gives the same bits.
+primaries stay pixel by pixel. Nothing here decides what a picture is: any wave size gives the same bits.
 """
 
 from __future__ import annotations

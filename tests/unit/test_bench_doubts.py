@@ -1,0 +1,110 @@
+"""Laws of results in doubt: edited files, files that are no results, and numbers that others disturbed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench_cases import RESULTS
+from raytide.bench.report import result_page
+from raytide.bench.runner import sealed
+from raytide.bench.show import tables
+from raytide.cli.main import main
+
+STORED = next(path for path in RESULTS if path.name == "pocl-wheel.bench.json")
+
+
+def stored() -> dict[str, Any]:
+    return json.loads(STORED.read_text(encoding="utf-8"))
+
+
+def written(path: Path, result: dict[str, Any]) -> str:
+    """A file as raytide would have written it."""
+    path.write_text(json.dumps(sealed({key: value for key, value in result.items() if key != "integrity"})))
+    return str(path)
+
+
+def test_a_file_that_is_no_result_is_left_out_of_a_summary_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.bench.json").write_text("{}")
+    assert main(["bench", "summary", str(tmp_path)]) == 2, "none is good"
+    said = capsys.readouterr()
+    assert "none of its files" in said.err and "schema: field required" in said.err and not said.out
+    (tmp_path / "b.bench.json").write_text("no JSON")
+    shutil.copy(STORED, tmp_path / "c.bench.json")
+    assert main(["bench", "summary", str(tmp_path), "--html", str(tmp_path / "s.html")]) == 0
+    said = capsys.readouterr()
+    assert said.out.count("\n| ") == 1 and "1429" in said.out and (tmp_path / "s.html").exists()
+    assert "a.bench.json: schema: field required" in said.err and "b.bench.json: came no JSON" in said.err
+
+
+@pytest.fixture
+def edited(tmp_path: Path) -> Path:
+    """A folder with the stored results, of which one has a score by hand."""
+    for path in RESULTS:
+        shutil.copy(path, tmp_path)
+    content = stored()
+    content["score"]["value"] = 9999.0
+    (tmp_path / STORED.name).write_text(json.dumps(content))
+    return tmp_path
+
+
+def test_an_edited_file_has_no_score_anywhere(edited: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, page = str(edited / STORED.name), edited / "one.html"
+    main(["bench", "show", file])
+    shown = capsys.readouterr().out
+    assert shown.splitlines()[-1] == "edited since it was written: no score" and "closed" not in shown
+    main(["bench", "show", file, "--csv"])
+    assert all("edited since it was written" in line for line in capsys.readouterr().out.splitlines()[1:])
+    main(["bench", "show", file, "--html", str(page), "--pyperf", str(edited / "p.json")])
+    assert json.loads((edited / "p.json").read_text())["metadata"]["raytide_class"] == "edited since it was written"
+    text = page.read_text()
+    assert text.count("edited since it was written: no score") == 2 and "(raytide as shipped" not in text
+    assert "9999 points" not in shown + text and ">9999<" not in text
+
+
+def test_edited_files_stand_last_in_a_summary(edited: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = json.loads(RESULTS[0].read_text(encoding="utf-8"))
+    broken["score"]["value"], broken["workloads"][0]["status"] = None, "error"
+    written(edited / "z.bench.json", broken)
+    page = edited / "s.html"
+    assert main(["bench", "summary", str(edited), "--html", str(page)]) == 0
+    out, text = capsys.readouterr().out, page.read_text()
+    rows = out.splitlines()[2:]
+    assert "| ok, unstable |" in out and "| ok |" in out
+    assert len(rows) == len(RESULTS) + 1 and "edited since it was written: no score" in rows[-1]
+    assert "| error, " in rows[-2] and "closed" not in rows[-1]
+    assert "9999" not in out and ">9999<" not in text and "edited since it was written: no score" in text
+
+
+def flagged(**flags: tuple[str, ...]) -> dict[str, Any]:
+    """The stored result with these flags on these workloads only."""
+    result = stored()
+    for one in result["workloads"]:
+        one["summary"] |= {flag: flag in flags.get(one["id"], ()) for flag in ("disturbed", "unstable", "drifting")}
+    return result
+
+
+@pytest.mark.parametrize(("flags", "end"), [
+    ({}, "Quick score: 1429 points"),
+    ({"cornell": ("drifting",)}, "Quick score: 1429 points"),
+    ({"cornell": ("unstable",)}, "Quick score: 1429 points (of 6 workloads 1 unstable: run it again)"),
+    ({"cornell": ("unstable",), "lights": ("disturbed", "unstable"), "terrain": ("disturbed",)},
+     "Quick score: 1429 points (of 6 workloads 2 disturbed, 2 unstable: run it again on an idle machine)"),
+])  # fmt: skip
+def test_the_score_itself_says_what_weakens_it(flags: dict[str, tuple[str, ...]], end: str, tmp_path: Path) -> None:
+    result = flagged(**flags)
+    assert tables(result).splitlines()[-1] == end and end in result_page(result)
+    if end.endswith("points"):
+        assert f"{end} (" not in result_page(result)
+
+
+def test_a_score_whose_visits_are_far_apart_says_so_without_any_flag() -> None:
+    result = flagged()
+    result["score"]["ci95"] = [86.0, 9496.0]
+    assert tables(result).endswith("(95 %)\nQuick score: 1429 points (visits far apart: run it again)")
