@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from uuid import uuid4
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ from raytide.cli.main import main
 from raytide.device import Device
 from raytide.errors import UsageError
 from raytide.image import read_exr
+from raytide.kernels.features import Features
+from raytide.kernels.source import assemble
 from raytide.report.reference import make_reference, read_reference, state_path
+from raytide.verify.variants import Variant, VariantDevice
 
 
 def scene(size: tuple[int, int] = (16, 12), lamp: float = 6.0) -> rt.Scene:
@@ -100,3 +104,28 @@ def test_a_reference_of_another_size_is_refused(results: Path, device: Device, c
     words = ["--reference", str(results / "ball.reference.exr"), "--size", "8x8", "--device", device.info.id]
     assert main(["converge", str(results.parent / "ball.toml"), "-o", str(results / "more"), *words]) == 2
     assert "20x16" in capsys.readouterr().err
+
+
+def test_precision_is_the_arithmetic_of_the_kernels_and_a_wrong_one_is_named(
+    device: Device, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Renders of one seed differ by rounding alone, in every variant of the traversal that `auto` may load."""
+    scene().save(tmp_path / "ball.toml")
+    words = ["converge", str(tmp_path / "ball.toml"), "-o", str(tmp_path / "out"), "--size", "8x8", "--budgets", "4,16"]
+    words += ["--reference-spp", "256", "--replicates", "2", "--start-runs", "0", "--device", device.info.id, "--quiet"]
+    assert main([*words, "--vary", "precision=wors"]) == 2
+    assert "wanted one of exact, flushed, contracted" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert main([*words, "--vary", "precision=exact,worse"]) == 0
+    exact, worse = json.loads((tmp_path / "out" / "converge.json").read_text())["scenes"][0]["variants"]
+    assert (exact["provenance"]["precision"], worse["provenance"]["precision"]) == ("exact", "worse")
+    for one, other in zip(exact["points"], worse["points"], strict=True):
+        assert one["relmse"] != other["relmse"] and one["relmse"] == pytest.approx(other["relmse"], rel=0.02)
+
+
+def test_programs_from_the_cache_have_the_arithmetic_too(device: Device) -> None:
+    source = assemble("", Features(), f"kernel void extra(global uint *out) {{ out[0] = 1; }} // {uuid4()}\n")
+    device.build({"extra": source})
+    with VariantDevice(device, Variant("other", "", lambda text: text.replace("= 1;", "= 2;"))) as other:
+        assert "extra" in device.load({"extra": source}) and "extra" not in other.load({"extra": source})
+        other.build({"extra": source})
+        assert "extra" in other.load({"extra": source})

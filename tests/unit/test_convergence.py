@@ -150,6 +150,7 @@ def test_what_varies_is_every_combination_and_wrong_keys_are_named() -> None:
     ]  # fmt: skip
     assert found[1] == Variant(found[1].name, (("sampler", "sobol"),), "gpu")
     assert variants_of([], "any")[0].device == "any"
+    assert [one.precision for one in variants_of(["precision=exact,worse"])] == ["exact", "worse"]
     for wrong, word in ((["samplr=a,b"], "sampler"), (["spp=1,2"], "spp"), (["bvh"], "bvh=A,B"),
                         (["bvh=a,a"], "differ"), (["bvh=a", "bvh=b"], "twice")):  # fmt: skip
         with pytest.raises(UsageError, match=word):

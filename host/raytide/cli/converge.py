@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,7 +25,7 @@ from raytide.cli.replicates import (
     slice_spp,
 )
 from raytide.cli.signals import Interrupted, StopOnSignal
-from raytide.errors import UsageError
+from raytide.errors import UsageError, nearest
 
 if TYPE_CHECKING:
     from raytide.report.convergence import Truth
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from raytide.report.experiment import Devices, Plan
 
 BUDGETS = "1,2,4,8,16,32,64,128"
+VARY = "key=A,B: a render key, device, traversal, or precision: exact and arithmetic that is worse"
 
 
 def converge(
@@ -40,7 +42,7 @@ def converge(
     reference: Annotated[Path | None, Parameter(help="a converged picture, for a single scene")] = None,
     reference_spp: Annotated[int | None, Parameter(help="of references made; default: 64 x the largest")] = None,
     budgets: Annotated[str, Parameter(help="samples a pixel (1,2,4), or times of rendering (1s,10s,1min)")] = BUDGETS,
-    vary: Annotated[list[str] | None, Parameter(negative="", help="key=A,B: a render key, device or traversal")] = None,
+    vary: Annotated[list[str] | None, Parameter(negative="", help=VARY)] = None,
     replicates: Annotated[int, Parameter(help="renders of each budget: 16 for curves, 32 for claims")] = 16,
     size: Annotated[str | None, Parameter(help="such as 64x64; default: as the scene, at most 4096 pixels")] = None,
     device: Annotated[str | None, Parameter(help="part of a device id")] = None,
@@ -66,6 +68,7 @@ def converge(
     check_range("--seed", seed, 0, MOST_SEED)
     check_range("--reference-spp", reference_spp, 1, MOST_SPP)
     found, variants = budgets_of(budgets), variants_of(vary or [], device)
+    check_precisions(variant.precision for variant in variants)
     plans = [Plan(scene, variants, found, replicates, picture_size(size), tuple(changes or ()), seed, threads,
                   allow_outside, name) for scene, name in named_scenes(scenes)]  # fmt: skip
     if reference is not None and len(plans) > 1:
@@ -85,16 +88,30 @@ def converge(
     return reporter.ended()
 
 
+def check_precisions(names: Iterable[str]) -> None:
+    """Refuse arithmetic that nobody knows. Raises UsageError."""
+    from raytide.report.experiment import EXACT
+    from raytide.verify.variants import VARIANTS
+
+    known = (EXACT, *VARIANTS)
+    for name in names:
+        if name not in known:
+            hint = nearest(name, known)
+            wanted = f"wanted one of {', '.join(known)}" + (f"; {hint}" if hint else "")
+            raise UsageError(f"--vary precision: came {name!r}; {wanted}")
+
+
 def every(plans: list[Plan], reference: Path | None, reference_spp: int | None, start_runs: int, output: Path,
           reporter: Reporter, outcomes: list[Outcome]) -> None:  # fmt: skip
     """All scenes, one after the other; `outcomes` grows, so that what is finished is not lost."""
     from raytide.report.convergence_files import Outcome
     from raytide.report.experiment import Devices, load_variant, run
+    from raytide.verify.variants import with_arithmetic
 
     for plan in plans:  # what is wrong in any of them must be said before hours of work
         for variant in plan.variants:
             load_variant(plan, variant)
-    with Devices(plans[0].threads) as devices:
+    with Devices(plans[0].threads, with_arithmetic) as devices:
         for plan in plans:
             truth = truth_of(plan, devices, reference, reference_spp, output, reporter)
             if truth is None or reporter.stopped():

@@ -71,7 +71,7 @@ class Renderer:
         traversal: str = "auto",
         **settings: Any,
     ) -> None:
-        self.scene, self.memory, threads = checked(scene, device, memory, threads)
+        self.scene, self.memory = checked(scene, device, memory)
         self.everything, self.early_layers = everything, layers
         self.settings, self.traversal = settings, traversal
         self.times: dict[str, float] = {}

@@ -23,19 +23,22 @@ from raytide.scene.load import load
 from raytide.scene.scene import Scene
 from raytide.scene.settings import RenderSettings
 
-HOST_KEYS = ("device", "traversal")
+HOST_KEYS = ("device", "traversal", "precision")
+EXACT = "exact"  # the arithmetic that renders have
 OWN_KEYS = ("spp", "time", "error", "seed")  # what an experiment itself sets
 MOST_PIXELS = 64 * 64  # of a picture whose size nobody gave
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to render: its name, keys of the scene's render table as text, device and traversal."""
+    """One way to render: its name, keys of the scene's render table as text, device, traversal, and what its arithmetic
+    is called."""
 
     name: str
     keys: tuple[tuple[str, str], ...] = ()
     device: str | None = None
     traversal: str = "auto"
+    precision: str = EXACT
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ def variant_of(pairs: Sequence[tuple[str, str]], device: str | None) -> Variant:
     host = dict(pair for pair in pairs if pair[0] in HOST_KEYS)
     keys = tuple(pair for pair in pairs if pair[0] not in HOST_KEYS)
     name = ", ".join(f"{key}={value}" for key, value in pairs) or "as the scene says"
-    return Variant(name, keys, host.get("device", device), host.get("traversal", "auto"))
+    return Variant(name, keys, host.get("device", device), host.get("traversal", "auto"), host.get("precision", EXACT))
 
 
 def load_variant(plan: Plan, variant: Variant) -> Scene:
@@ -136,17 +139,29 @@ def small_size(size: tuple[int, int] | list[int]) -> tuple[int, int]:
 
 
 class Devices(ExitStack):
-    """Opens each device once and closes all at the end."""
+    """Opens each device once with each arithmetic and closes all at the end. `other` opens one again with an arithmetic
+    that has a name."""
 
-    def __init__(self, threads: int | None = None) -> None:
+    def __init__(
+        self, threads: int | None = None, other: Callable[[Device, str, int | None], Device] | None = None
+    ) -> None:
         super().__init__()
-        self.threads, self.opened = threads, dict[str | None, Device]()
+        self.threads, self.other = threads, other
+        self.opened: dict[tuple[str | None, str], Device] = {}
 
-    def open(self, name: str | None) -> Device:
+    def open(self, name: str | None, precision: str = EXACT) -> Device:
         """The device of an id. Raises DeviceError."""
-        if name not in self.opened:
-            self.opened[name] = self.enter_context(open_device(name, threads=self.threads))
-        return self.opened[name]
+        key = (name, precision)
+        if key not in self.opened:
+            self.opened[key] = self.enter_context(self._opened(name, precision))
+        return self.opened[key]
+
+    def _opened(self, name: str | None, precision: str) -> Device:
+        if precision == EXACT:
+            return open_device(name, threads=self.threads)
+        if self.other is None:
+            raise UsageError(f"precision: came {precision!r}; wanted {EXACT}")
+        return self.other(self.open(name), precision, self.threads)
 
 
 @dataclass(frozen=True)
@@ -169,11 +184,12 @@ def run(plan: Plan, truth: Truth, devices: Devices, stopped: Callable[[], bool],
         for variant in plan.variants:
             begun = time.perf_counter()
             scene = load_variant(plan, variant)
-            device = devices.open(variant.device)
+            device = devices.open(variant.device, variant.precision)
             renderer = stack.enter_context(Renderer(scene, device, traversal=variant.traversal))
             track = Track(variant, [Point(truth, budget.label) for budget in plan.budgets])
             track.set_up = {"in_process": time.perf_counter() - begun, **renderer.times}
             track.provenance = dict(renderer.film.provenance["raytide"])  # type: ignore[call-overload]
+            track.provenance["precision"] = variant.precision
             renderers.append(renderer)
             tracks.append(track)
         check_size(tracks, renderers, truth)

@@ -69,11 +69,3 @@ def bytes_of(text: str) -> int | None:
     """`512M` in bytes (K, M and G are powers of 1024), or None if it is no such thing."""
     found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)\s*([KMG]?)(?:i?B)?", text.strip(), re.IGNORECASE)
     return int(float(found[1]) * UNITS[found[2].upper()]) if found else None
-
-
-def count_given(count: Any, name: str) -> int | None:
-    """A whole number from 1; None where none came."""
-    whole = isinstance(count, (int, np.integer)) and not isinstance(count, bool)
-    if count is None or (whole and count >= 1):
-        return count if count is None else int(count)
-    raise UsageError(f"{name}: came {value_words(count)}; wanted a whole number from 1")

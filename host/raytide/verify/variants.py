@@ -125,12 +125,12 @@ VARIANTS = {
 
 
 class VariantDevice(Device):
-    """An open device that builds every program as `variant` has it."""
+    """An open device that builds every program as `variant` has it, with `threads` of a CPU."""
 
-    def __init__(self, device: Device, variant: Variant) -> None:
+    def __init__(self, device: Device, variant: Variant, threads: int | None = None) -> None:
         from raytide.device.environment import opencl
 
-        super().__init__(opencl(), device.info, options=variant.options)
+        super().__init__(opencl(), device.info, threads, options=variant.options)
         self.variant = variant
         if FAST in variant.options:  # Intel's compiler removes is_finite then; rays are asked for, not infinities
             self._probes = replace(self.probes, nan_bits=True)
@@ -139,9 +139,18 @@ class VariantDevice(Device):
         """As Device.build, of the rewritten sources."""
         return super().build({name: self._rewritten(source) for name, source in sources.items()}, progress)
 
+    def load(self, sources: Mapping[str, SourceLike]) -> dict[str, Program]:
+        """As Device.load, of the rewritten sources."""
+        return super().load({name: self._rewritten(source) for name, source in sources.items()})
+
     def _rewritten(self, source: Any) -> Source:
         text = self.variant.text(source.text)
         return replace(source, text=text, sha256=hashlib.sha256(text.encode()).hexdigest())
+
+
+def with_arithmetic(device: Device, name: str, threads: int | None = None) -> Device:
+    """The same device, opened once more, with `threads` of a CPU and the arithmetic of that name. Raises UsageError."""
+    return VariantDevice(device, variant_named(name), threads)
 
 
 def variant_named(name: str) -> Variant:
