@@ -1,6 +1,6 @@
 """Freezes the benchmark's table of scores: what the embedded PoCL does here and now becomes 1000 points.
 
-    python3 tools/run.py python tools/freeze_scores.py            # measures first: half an hour
+    python3 tools/run.py python tools/freeze_scores.py            # measures first: a quarter of an hour
     python3 tools/run.py python tools/freeze_scores.py FILE ...   # from runs that `raytide bench -o` wrote
 
 Needed after every change of a workload or of SUITE_VERSION, on an idle machine of two cores, from a clean checkout.
@@ -40,7 +40,7 @@ def main(words: list[str] | None = None) -> int:
     """Exit code: 4 where a run will not do."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=Path, help="results of suites full, quick or renders")
-    parser.add_argument("--runs", type=int, default=3, metavar="N", help="of each suite, where no files are given")
+    parser.add_argument("--runs", type=int, default=3, metavar="N", help="of each plan, where no files are given")
     parser.add_argument("--nevertheless", action="store_true", help="take open, disturbed and unstable runs too")
     wanted = parser.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="raytide-freeze-") as folder:
@@ -66,12 +66,12 @@ def main(words: list[str] | None = None) -> int:
 
 
 def measured(folder: Path, runs: int) -> list[Path]:
-    """Files of both suites in turn, on the embedded PoCL."""
+    """Files of the workloads by both plans in turn, on the embedded PoCL."""
     files = []
     for k in range(runs):
-        for suite in ("full", "quick"):
-            files.append(folder / f"{suite}-{k}.bench.json")
-            words = ["bench", "--suite", suite, "--device", DEVICE, "-o", str(files[-1])]
+        for plan, options in (("full", []), ("quick", ["--quick"])):
+            files.append(folder / f"{plan}-{k}.bench.json")
+            words = ["bench", "--suite", "renders", *options, "--device", DEVICE, "-o", str(files[-1])]
             subprocess.run([sys.executable, "-m", "raytide", *words], cwd=ROOT)
     return files
 

@@ -12,7 +12,10 @@ Names are loaded on first use, so that importing the package touches no device a
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+
+TYPE_CHECKING = False  # not typing's: its import takes long enough for a Ctrl-C to end in a traceback
+if TYPE_CHECKING:
+    from typing import Any
 
 _HOMES = {
     "raytide.scene": (

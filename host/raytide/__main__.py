@@ -1,8 +1,19 @@
-"""`python -m raytide` is the command line."""
+"""`raytide`, and `python -m raytide`: the command line, with its streams in order."""
 
 import sys
 
-from raytide.cli.main import main
+
+def main() -> int:
+    """Run the command of sys.argv and give its exit code; Ctrl-C during the imports is one, too."""
+    try:
+        from raytide.cli.main import main as command
+        from raytide.cli.streams import prepare_streams
+
+        prepare_streams()
+        return command()
+    except KeyboardInterrupt:
+        return 130
+
 
 if __name__ == "__main__":
     sys.exit(main())

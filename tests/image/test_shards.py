@@ -106,6 +106,22 @@ def test_holes_overlaps_damage_and_foreign_shards_are_named(
             rt.merge([a, torn])
 
 
+def test_samples_missing_at_the_end_are_told_and_kept_with_the_picture(
+    shards: tuple[rt.Film, list[Path]], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    _, (a, b, c) = shards
+    film = rt.merge([b, a])
+    assert film.spp == 192 and f"samples 192 to {SPP - 1} of {SPP} are in no shard" in caplog.text
+    assert film.header()["raytide"]["missing"] == [192, SPP]  # type: ignore[index]
+    caplog.clear()
+    content = checkpoint_file.read_one(a, KIND)
+    unknown = tmp_path / "unknown.shard"  # of a picture whose spp nobody set
+    checkpoint_file.write(unknown, replace(content, facts=content.facts | {"wanted_spp": None}), KIND)
+    for paths in ([a, b, c], [unknown]):
+        assert "missing" not in rt.merge(paths).header()["raytide"]  # type: ignore[operator]
+    assert not caplog.records
+
+
 def test_ranges_that_are_no_blocks_and_adaptive_renders_are_refused(device: Device, tmp_path: Path) -> None:
     path = tmp_path / "a.shard"
     with rt.Renderer(scene(), device, spp=100) as renderer:
@@ -145,6 +161,8 @@ def test_the_commands_make_the_file_of_one_render(tmp_path: Path, capsys: pytest
     assert one.layers.keys() == two.layers.keys()
     assert all(one.layers[name].tobytes() == two.layers[name].tobytes() for name in one.layers)
     capsys.readouterr()
+    assert main(["merge", parts[0], "-o", str(tmp_path / "part.exr")]) == 0
+    assert "samples 64 to 99 of 100 are in no shard" in capsys.readouterr().err
     for extra, words in (
         (["--samples", "0:50", "-o", "x.shard"], "wanted multiples of 64"),
         (["--samples", "a:b", "-o", "x.shard"], "'a:b'; wanted A:B"),

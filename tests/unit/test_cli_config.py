@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from fake_renderer import SCENE as ONE_BALL
-from raytide.cli.config import gather
-from raytide.cli.options import bytes_of, check_outputs, size_of
+from raytide.cli.config import gather, unknown_variables
+from raytide.cli.main import main
+from raytide.cli.options import check_outputs, size_of
 from raytide.errors import SceneError, UsageError
+from raytide.scene.given import bytes_of
 from raytide.scene.load import load
 
 SCENE = ONE_BALL.replace("spp = 8", "spp = 2")
@@ -102,9 +104,58 @@ def test_machine_settings_keep_their_rank(place: Path) -> None:
     }
 
 
-def test_a_variable_spelt_almost_right_is_warned_about(place: Path) -> None:
-    environment = {"RAYTIDE_SP": "4", "RAYTIDE_CACHE_DIR": "/x", "HOME": "/"}
-    assert len(gather({}, environment, place / "none.toml").warnings) == 1
+def test_variables_that_nothing_reads_are_told_with_the_nearest_that_something_does() -> None:
+    right = {"RAYTIDE_SPP": "4", "RAYTIDE_CACHE_DIR": "/x", "RAYTIDE_TEST_WHAT": "1", "HOME": "/"}
+    assert unknown_variables(right) == []
+    wrong = {"RAYTIDE_SSP": "4", "RAYTIDE_XYZXYZ": "1", "RAYTIDE_CACH_DIR": "/x"}
+    assert unknown_variables(right | wrong) == [
+        "RAYTIDE_CACH_DIR: an unknown variable, ignored; did you mean 'RAYTIDE_CACHE_DIR'?",
+        "RAYTIDE_SSP: an unknown variable, ignored; did you mean 'RAYTIDE_SPP'?",
+        "RAYTIDE_XYZXYZ: an unknown variable, ignored",
+    ]
+
+
+def test_every_command_tells_of_unknown_variables(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("RAYTIDE_DEVISE", "cpu")
+    assert main(["verify", "--list"]) == 0
+    assert capsys.readouterr().err.startswith("raytide: warning: RAYTIDE_DEVISE: an unknown variable")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("converge s.toml -o out --replicates 1", "--replicates: came 1; wanted a whole number at least 2"),
+        ("converge s.toml -o out --start-runs -1", "--start-runs: came -1; wanted a whole number at least 0"),
+        ("converge s.toml -o out --seed -1", "--seed: came -1; wanted a whole number from 0 to 2147483647"),
+        ("audit s.toml -o out --seeds 1", "--seeds: came 1; wanted a whole number at least 2"),
+        ("audit s.toml -o out --spp 16,8",
+         "--spp: came '16,8'; wanted rising samples a pixel of at least 16, such as 16,64"),
+        ("reference s.toml -o r.exr --slices 1", "--slices: came 1; wanted a whole number at least 2"),
+        ("verify --fuzz 0", "--fuzz: came 0; wanted a whole number at least 1"),
+        ("verify --fuzz -1", "--fuzz: came -1; wanted a whole number at least 1"),
+    ],
+)  # fmt: skip
+def test_a_number_outside_its_range_is_named_alone(
+    place: Path, capsys: pytest.CaptureFixture[str], words: str, message: str
+) -> None:
+    assert main(words.split()) == 2
+    assert capsys.readouterr().err == f"raytide: {message}\n"
+
+
+@pytest.mark.parametrize("command", ["render scene.toml", "merge a.shard"])
+@pytest.mark.parametrize("stops", ["nan", "inf", "-inf", "2000"])
+def test_an_exposure_that_leaves_no_picture_is_refused(
+    place: Path, capsys: pytest.CaptureFixture[str], command: str, stops: str
+) -> None:
+    assert main([*command.split(), "-o", "a.png", f"--exposure={stops}"]) == 2
+    assert "--exposure" in (told := capsys.readouterr().err) and "from -100 to 100" in told
+
+
+def test_an_empty_name_is_called_one(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "scene.toml", "-o", ""]) == 2
+    assert "came an empty name" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import subprocess
 import sys
 import types
@@ -11,7 +13,9 @@ from pathlib import Path
 import pytest
 
 from raytide.cli import main as cli
+from raytide.cli.render import render
 from raytide.errors import DeviceError, ImageInvalid, RaytideError, UsageError
+from raytide.scene.settings import RenderSettings
 
 HOST = Path(__file__).resolve().parents[2] / "host"
 
@@ -144,3 +148,48 @@ def test_reader_that_goes_away_is_no_traceback() -> None:
     command = f'"{sys.executable}" -m raytide render --help | true'
     ran = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env=environment)
     assert "Traceback" not in ran.stderr
+
+
+def run_shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """What bash makes of a line, in which `python` is this one."""
+    line = line.replace("python", f'"{sys.executable}"')
+    return subprocess.run(["bash", "-c", line], capture_output=True, text=True,
+                          env=os.environ | {"PYTHONPATH": str(HOST)} | environment)  # fmt: skip
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("streams", ["2>&-", "2>/dev/full", ">&- 2>&- <&-"])
+def test_messages_that_cannot_be_written_change_nothing(streams: str) -> None:
+    ran = run_shell(f"python -m raytide nonsense {streams}")
+    assert (ran.returncode, ran.stdout) == (2, "")
+    code = "import os; from raytide.cli.streams import prepare_streams; prepare_streams(); os._exit(os.dup(0))"
+    assert run_shell(f"python -c '{code}' {streams}").returncode >= 3  # 0, 1 and 2 are taken: no file can get them
+
+
+def test_names_that_stdout_cannot_show_come_with_backslashes() -> None:
+    code = r'from raytide.cli.streams import prepare_streams; prepare_streams(); print("\xe4 c.exr")'
+    ran = run_shell(f"python -c '{code}'", PYTHONIOENCODING="ascii:strict")
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "\\xe4 c.exr\n", "")
+
+
+def test_ctrl_c_during_the_imports_is_an_exit_code_without_words() -> None:
+    code = (
+        "import sys, raytide.__main__ as start\n"
+        "class Pressed:\n"
+        "    def find_spec(self, name, *more):\n"
+        "        if name == \"raytide.cli.main\": raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Pressed())\n"
+        "sys.exit(start.main())"
+    )
+    ran = run_shell(f"python -c '{code}'")
+    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "")
+
+
+def test_every_option_of_render_is_in_its_documentation() -> None:
+    text = (HOST.parent / "docs" / "cli.md").read_text(encoding="utf-8").split("\n## render\n")[1].split("\n## ")[0]
+    keys = set(RenderSettings.model_fields)  # one row speaks of all
+    for name, one in inspect.signature(render).parameters.items():
+        if one.kind is one.KEYWORD_ONLY and name not in keys:
+            given = [word for hint in getattr(one.annotation, "__metadata__", ()) for word in hint.name or ()]
+            names = given or [f"--{name.replace('_', '-')}"]
+            assert any(re.search(rf"`{word}[` ]", text) for word in names), names

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -80,35 +83,69 @@ def test_no_render_ends_by_an_error_that_is_not_known() -> None:
     assert made.reached(Limits(MOST_SPP, error=0.9)) is None  # nobody looked at this pass
 
 
-@pytest.mark.parametrize("to_end", [False, True])
-def test_looks_at_the_error_stay_within_their_share_of_the_time(to_end: bool) -> None:
+@pytest.mark.parametrize("target", [None, 1e-4])
+def test_looks_at_the_error_stay_within_their_share_of_the_time(target: float | None) -> None:
     """The last one too, which a render that no look ends has at its end."""
-    made, looked, last = History(guess_s=0.03), 0, 0.0 if to_end else 0.02
+    made, looked, last = History(guess_s=0.03), 0, 0.02 if target is None else -0.02  # there its first one is free
     for spp in range(4, 1001):
         made.add(Row(spp * 0.01 + made.cost_s, 0.0, spp, 0))
-        if made.affordable(to_end):
+        if made.affordable(target):
             made.complete(estimate_of(1.0), 0.02)
             looked += 1
-        if looked > to_end:  # a look that may end the render is worth it, whatever its share
+        if looked:
             assert made.cost_s + last <= ESTIMATE_SHARE * made.rows[-1].wall_s + 1e-12
     assert looked > 5
 
 
 def test_nobody_looks_before_there_is_anything_to_see() -> None:
-    for first, to_end in ((4, False), (16, True)):
+    for first, target in ((4, None), (16, 0.01)):
         made = History(guess_s=0.1)
         made.add(Row(100.0, 100.0, first - 1, 0))
-        assert not made.affordable(to_end)
+        assert not made.affordable(target)
         made.add(Row(101.0, 101.0, first, 0))
-        assert made.affordable(to_end)
+        assert made.affordable(target)
 
 
 def test_the_first_look_waits_for_its_guess_but_not_where_it_may_end_the_render() -> None:
     made = History(guess_s=0.1)
     made.add(Row(6.6, 6.6, 64, 0))
-    assert not made.affordable() and made.affordable(True)
+    assert not made.affordable() and made.affordable(0.01)
     made.add(Row(6.7, 6.7, 65, 0))
     assert made.affordable()
+
+
+@pytest.mark.parametrize("first_s", [0.02, 1.0])
+@pytest.mark.parametrize("later_s", [0.001, 0.03, 0.06])
+@pytest.mark.parametrize("start", [1.0, 0.2])
+def test_a_render_ends_by_error_within_a_few_passes_of_it(first_s: float, later_s: float, start: float) -> None:
+    """In pictures so small that a pass of 64 samples takes no longer than a look too. `start`: by how much the look at
+    16 samples errs."""
+    target, spp, wall = 0.01, 0, 0.0
+    made, passes = History(guess_s=0.0011), [1, 1, 2, 4, 8, 16, 32, *([64] * 400)]
+    for more in passes:
+        spp, wall = spp + more, wall + 0.001 * more
+        made.add(Row(wall, wall, spp, 0))
+        if made.affordable(target):
+            cost = later_s if made.costs else first_s
+            made.complete(estimate_of(0.018 / spp * (start if spp == 16 else 1.0)), cost)
+            wall += cost
+        if made.reached(Limits(MOST_SPP, error=target)):
+            break
+    assert made.error is not None and made.error.error <= target
+    assert spp <= 192 + (64 if later_s <= 0.03 else 2 * later_s / 0.001)
+
+
+def test_a_look_imports_nothing() -> None:
+    """Else the first one costs many times what the later ones do."""
+    lines = (
+        "import sys, numpy",
+        "from raytide.render.error import estimate",
+        "before, picture = set(sys.modules), numpy.ones((16, 16, 3), numpy.float32)",
+        "estimate(picture, picture, picture, 64)",
+        "sys.exit(', '.join(set(sys.modules) - before) or 0)",
+    )
+    run = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (0, "")
 
 
 def test_samples_that_nobody_set_are_no_limit_beside_another() -> None:

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from raytide.cli.main import main
-from raytide.cli.verify import cases_of, earlier, judged
-from raytide.errors import DeviceError, UsageError
+from raytide.cli.verify import cases_of, earlier, judged, write
+from raytide.errors import DeviceError, RaytideError, UsageError
+from raytide.image import atomic
 from raytide.kernels.paths import kernel_dir
 from raytide.verify import CASES, GROUPS, Case, Trial, chosen_cases, judge_case, peer_child, replay, run_cases
 from raytide.verify.case import Judged, bounded, case, forbidden
@@ -134,10 +135,27 @@ def test_worse_arithmetic_reaches_sines_exponentials_and_logarithms() -> None:
 
 def test_a_file_that_is_no_verdict_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "v.json"
-    for text in ("{", "[]", '{"verdicts": [1]}', '{"verdicts": []}'):
+    texts = {"{": "no JSON", "[]": "without verdicts", '{"verdicts": [1]}': "without verdicts",
+             '{"verdicts": []}': "no input"}  # fmt: skip
+    for text, words in texts.items():
         path.write_text(text)
-        with pytest.raises(UsageError, match="replay"):
+        with pytest.raises(UsageError, match=f"--replay: .*{words}") as told:
             earlier(path)
+        assert "Error" not in str(told.value)
+    with pytest.raises(UsageError, match="cannot be read: No such file or directory; wanted"):
+        earlier(tmp_path / "none.json")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_results_that_do_not_fit_the_disk_name_their_file_and_leave_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "v.json"
+    path.write_text("old")
+    monkeypatch.setattr(atomic, "open_beside", lambda target: (tmp_path / "part", open("/dev/full", "wb", buffering=0)))
+    with pytest.raises(RaytideError, match=r"v\.json: cannot be written: No space left"):
+        write(path, None, {"verdicts": []})
+    assert path.read_text() == "old"
 
 
 def test_the_list_names_every_case(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
+from raytide.cli.options import check_range
 from raytide.cli.parameters import Quiet
 from raytide.cli.replicates import (
+    MOST_SEED,
     Reporter,
     budgets_of,
     made_reference,
@@ -24,9 +26,10 @@ from raytide.errors import UsageError
 
 if TYPE_CHECKING:
     from raytide.report.audit import Verdict
-    from raytide.report.experiment import Devices, Plan
+    from raytide.report.experiment import Budget, Devices, Plan
 
 SHIPPED = Path("scenes")
+LEAST_SPP = 16  # of fewer samples no band is claimed
 
 
 def audit(
@@ -48,10 +51,9 @@ def audit(
 
     if output is None:
         raise UsageError("no output: give -o FOLDER")
-    budgets = budgets_of(spp)
-    if seeds < 2 or any((budget.spp or 0) < 16 for budget in budgets) or not 0 <= seed < 2**31:
-        raise UsageError(f"came --seeds {seeds} --spp {spp} --seed {seed}; wanted at least 2 seeds, at least 16 "
-                         f"samples a pixel, and a seed from 0 to {2**31 - 1}")  # fmt: skip
+    check_range("--seeds", seeds, 2)
+    check_range("--seed", seed, 0, MOST_SEED)
+    budgets = samples_of(spp)
     found = scenes or tuple(sorted(SHIPPED.glob("*/*.toml")))
     found = tuple(path for path in found if path.name != "expected.toml")
     plans = [Plan(path, variants_of([], device), budgets, seeds, picture_size(size), (), seed, threads, title=name)
@@ -64,6 +66,17 @@ def audit(
         if verdicts:
             write(output, verdicts)
     return reporter.ended()
+
+
+def samples_of(text: str) -> tuple[Budget, ...]:
+    """`16,64` samples a pixel. Raises UsageError."""
+    try:
+        budgets = budgets_of(text)
+    except UsageError:
+        budgets = ()
+    if not budgets or any((budget.spp or 0) < LEAST_SPP for budget in budgets):
+        raise UsageError(f"--spp: came {text!r}; wanted rising samples a pixel of at least {LEAST_SPP}, such as 16,64")
+    return budgets
 
 
 def every(plans: list[Plan], output: Path, reporter: Reporter, verdicts: list[Verdict]) -> None:

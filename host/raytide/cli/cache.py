@@ -27,7 +27,8 @@ def info(*, json: Flag = False) -> int:
 
         print(text.dumps(facts.as_dict(), indent=2))
         return 0
-    print(f"{facts.folder}{'' if facts.writable else ' (cannot be written)'}, at most {human(facts.cap_bytes)} a part")
+    state = " (cannot be written)" if not facts.writable else " (its disk is full, or nearly)" if not facts.room else ""
+    print(f"{facts.folder}{state}, at most {human(facts.cap_bytes)} a part")
     for part in facts.parts:
         damage = f", {part.damaged} damaged" if part.damaged else ""
         print(f"  {part.name:<8} {part.entries:>5} files  {human(part.size_bytes):>10}{damage}")

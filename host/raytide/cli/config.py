@@ -12,15 +12,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from raytide.cli.options import bytes_of, size_of
+from raytide.cli import OTHER_VARIABLES, PREFIX
+from raytide.cli.options import size_of
 from raytide.errors import Problem, SceneError
 from raytide.scene.describe import nearest, value_words
+from raytide.scene.given import bytes_of
 from raytide.scene.layers import Layer, parse_override
 from raytide.scene.parse import parse_text, read_text, unknown_key
 from raytide.scene.positions import find_keys, line_of
 from raytide.scene.settings import RenderSettings
 
-PREFIX = "RAYTIDE_"
 LOCAL = Path("raytide.toml")
 # Settings of the machine, not of the picture: what each takes, in words.
 HOST = {
@@ -28,6 +29,9 @@ HOST = {
     "threads": "a whole number of at least 1",
     "memory": 'bytes of wave memory, such as "512M"',
 }
+
+
+KEYS = tuple(key.upper() for key in (*RenderSettings.model_fields, "size", *HOST))
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,6 @@ class Settings:
     layers: list[Layer] = field(default_factory=list)
     host: dict[str, HostSetting] = field(default_factory=lambda: dict.fromkeys(HOST, HostSetting()))
     problems: list[Problem] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
 
     def set_host(self, key: str, value: Any, origin: str) -> None:
         """Take one machine setting, or note what is wrong with it."""
@@ -104,16 +107,22 @@ def add_file(settings: Settings, path: Path) -> None:
 
 def add_environment(settings: Settings, environment: Mapping[str, str]) -> None:
     """RAYTIDE_SPP, RAYTIDE_SIZE, RAYTIDE_DEVICE, ...: the options' names in capitals."""
-    known = [key.upper() for key in (*RenderSettings.model_fields, "size", *HOST)]
-    for key in known:
+    for key in KEYS:
         if environment.get(PREFIX + key):
             add_text(settings, key.lower(), environment[PREFIX + key], PREFIX + key)
-    for name in environment:
-        key = name.removeprefix(PREFIX)
-        ours = key != name and not key.startswith("TEST_")  # those are the test suite's
-        hint = nearest(key, known) if ours and key not in known else None
-        if hint:  # not an error: a variable may be meant for another part of raytide
-            settings.warnings.append(f"{name}: an unknown variable; {hint}")
+
+
+def unknown_variables(environment: Mapping[str, str]) -> list[str]:
+    """A sentence for each RAYTIDE_ variable that nothing reads, with the nearest that something does."""
+    known = (*KEYS, *OTHER_VARIABLES)
+    keys = [name.removeprefix(PREFIX) for name in sorted(environment) if name.startswith(PREFIX)]
+    strange = [key for key in keys if key not in known and not key.startswith("TEST_")]  # those are the test suite's
+    told, quote = [], "'"
+    for key in strange:
+        hint = nearest(key, known)  # without the prefix, which would make all of them alike
+        told.append(f"{PREFIX}{key}: an unknown variable, ignored")
+        told[-1] += f"; {hint.replace(quote, quote + PREFIX, 1)}" if hint else ""
+    return told
 
 
 def add_text(settings: Settings, key: str, value: Any, origin: str) -> None:

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from raytide.cli import COMMAND_WORDS
+from raytide.cli.options import check_range
 from raytide.cli.parameters import Flag, Quiet
 from raytide.cli.replicates import (
+    MOST_SEED,
     Reporter,
     budgets_of,
     made_reference,
@@ -54,13 +56,15 @@ def converge(
     Writes renders.csv, converge.json, converge.html and, with matplotlib, converge.png into the output folder. Ctrl-C
     ends it after the render at work; what was finished is written.
     """
+    from raytide.render.limits import MOST_SPP
     from raytide.report.experiment import Plan, variants_of
 
     if output is None:
         raise UsageError("no output: give -o FOLDER")
-    if replicates < 2 or start_runs < 0 or not 0 <= seed < 2**31:
-        raise UsageError(f"came --replicates {replicates} --start-runs {start_runs} --seed {seed}; wanted at least 2, "
-                         f"at least 0, and from 0 to {2**31 - 1}")  # fmt: skip
+    check_range("--replicates", replicates, 2)
+    check_range("--start-runs", start_runs, 0)
+    check_range("--seed", seed, 0, MOST_SEED)
+    check_range("--reference-spp", reference_spp, 1, MOST_SPP)
     found, variants = budgets_of(budgets), variants_of(vary or [], device)
     plans = [Plan(scene, variants, found, replicates, picture_size(size), tuple(changes or ()), seed, threads,
                   allow_outside, name) for scene, name in named_scenes(scenes)]  # fmt: skip

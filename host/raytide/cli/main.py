@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import raytide
-from raytide.cli import COMMAND_WORDS
+from raytide.cli import COMMAND_WORDS, OTHER_VARIABLES, PREFIX
 from raytide.errors import RaytideError
 
 if TYPE_CHECKING:
@@ -76,11 +76,28 @@ def run(words: list[str]) -> int:
         hint = nearest(words[0], list(COMMANDS))
         wanted = f"wanted one of {', '.join(COMMANDS)}" + (f"; {hint}" if hint else "")
         return failed(f"came the unknown command {words[0]!r}; {wanted}", 2, words)
+    warn_of_variables(words)
     try:
         result = app(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         return failed(f"{' '.join(str(error).split())} (`{help_command(error)}` lists the options)", 2, words)
     return result if isinstance(result, int) else 0
+
+
+def warn_of_variables(words: Sequence[str]) -> None:
+    """Tell of variables that look like settings and are none; silent with --quiet."""
+    plain = tuple(PREFIX + key for key in ("DEVICE", *OTHER_VARIABLES, "TEST_"))
+    if "--quiet" in words or all(name.startswith(plain) for name in os.environ if name.startswith(PREFIX)):
+        return  # as a rule, without loading the table of all settings
+    from raytide.cli.config import unknown_variables
+
+    for text in unknown_variables(os.environ):
+        if "--log-json" in words:
+            import json
+
+            print(json.dumps({"event": "log", "level": "warning", "text": text}), file=sys.stderr)
+        else:
+            print(f"raytide: warning: {text}", file=sys.stderr)
 
 
 def command_app() -> App:

@@ -1,4 +1,4 @@
-"""What options of `raytide render` mean: scene keys as options, sizes, byte counts, output files."""
+"""What options of `raytide render` mean: scene keys as options, sizes, times, output files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from raytide.scene.describe import Option, option_of
 from raytide.scene.settings import RenderSettings
 
 SUFFIXES = (".exr", ".png")
-UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30}
 
 
 def with_render_keys(command: Callable[..., int]) -> Callable[..., int]:
@@ -50,12 +49,6 @@ def size_of(text: str) -> list[int] | str:
     return [int(found[1]), int(found[2])] if found else text
 
 
-def bytes_of(text: str) -> int | None:
-    """`512M` in bytes (K, M and G are powers of 1024), or None if it is no such thing."""
-    found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)\s*([KMG]?)(?:i?B)?", text.strip(), re.IGNORECASE)
-    return int(float(found[1]) * UNITS[found[2].upper()]) if found else None
-
-
 def seconds_of(option: str, text: str | None) -> float | None:
     """`90`, `30s` or `4min` in seconds. Raises UsageError, which names `option`, for other text and for nothing."""
     if text is None:
@@ -82,15 +75,24 @@ def defines_of(words: Sequence[str] | None) -> dict[str, str]:
     return found
 
 
+def check_range(option: str, value: int | None, least: int, most: int | None = None) -> None:
+    """Refuse a whole number outside its range; None is not given. Raises UsageError, which names this option alone."""
+    if value is not None and not least <= value <= (value if most is None else most):
+        wanted = f"at least {least}" if most is None else f"from {least} to {most}"
+        raise UsageError(f"{option}: came {value}; wanted a whole number {wanted}")
+
+
 def check_outputs(
     outputs: Sequence[Path], others: Sequence[Path | None], no_clobber: bool, suffixes: Sequence[str] = SUFFIXES
 ) -> None:
     """Refuse, before any work is spent, files that could not be written; make missing folders.
 
-    Raises UsageError for a suffix that is not one of `suffixes`, one file named twice, a folder in the place of a file,
-    a folder that cannot be written, and with `no_clobber` a file that exists.
+    Raises UsageError for an empty name, a suffix that is not one of `suffixes`, one file named twice, a folder in the
+    place of a file, a folder that cannot be written, and with `no_clobber` a file that exists.
     """
     files = [*outputs, *(path for path in others if path)]
+    if Path() in files:
+        raise UsageError("came an empty name (or the working folder) for an output; wanted the name of a file")
     for path in outputs:
         if path.suffix.lower() not in suffixes:
             raise UsageError(f"{path}: came the suffix {path.suffix!r}; wanted one of {', '.join(suffixes)}")

@@ -7,6 +7,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+MOST_STOPS = 100.0
+
+
+def check_stops(kind: object, stops: float) -> None:
+    """Refuse an exposure that no picture survives. Raises ValueError, which the parser tells with the option's name."""
+    if not abs(stops) <= MOST_STOPS:  # NaN is refused, too
+        raise ValueError(f"wanted stops from {-MOST_STOPS:g} to {MOST_STOPS:g}")
+
+
 Flag = Annotated[bool, Parameter(negative="")]
 
 Defines = Annotated[
@@ -29,7 +38,7 @@ Samples = Annotated[
     str | None, Parameter(help="only samples A:B of each pixel, such as 256:512, into -o F.shard for `raytide merge`")
 ]
 Half = Annotated[Flag, Parameter(help="EXR: beauty and albedo as half floats")]
-Exposure = Annotated[float, Parameter(help="PNG: stops")]
+Exposure = Annotated[float, Parameter(help="PNG: stops", validator=check_stops)]
 NoClobber = Annotated[Flag, Parameter(help="refuse to replace a file")]
 Quiet = Annotated[Flag, Parameter(help="only errors on stderr")]
 Verbose = Annotated[Flag, Parameter(name=["--verbose", "-v"], help="all messages")]

@@ -58,14 +58,15 @@ def reference(
     quiet
         Only errors on stderr.
     """
-    from raytide.cli.options import check_outputs
+    from raytide.cli.options import check_outputs, check_range
     from raytide.render.bias import refuse_clamped
+    from raytide.render.limits import MOST_SPP
     from raytide.scene.load import load
 
     if output is None or output.suffix.lower() != ".exr":
         raise UsageError(f"output: came {output}; wanted -o FILE.exr")
-    if slices < 2 or spp < 1:
-        raise UsageError(f"came --slices {slices} --spp {spp}; wanted at least 2 slices of at least 1 sample a pixel")
+    check_range("--slices", slices, 2)
+    check_range("--spp", spp, 1, MOST_SPP)
     check_outputs([output], [], no_clobber=False)
     with StopOnSignal() as signals:
         loaded = load(scene, overrides=changes or [], allow_outside=allow_outside)

@@ -75,15 +75,13 @@ def render(
 
     Ctrl-C or SIGTERM finishes the wave, saves what there is and exits with 130 or 143.
     """
-    logger = set_up_logging(quiet=quiet, verbose=verbose, as_json=log_json)
+    set_up_logging(quiet=quiet, verbose=verbose, as_json=log_json)
     outputs = output or []
     check_request(outputs, report, explain=explain, coherence=coherence)
     check_shard(samples, outputs, {"--report": report, "--trace": trace, "--checkpoint": checkpoint})
     check_outputs(outputs, [report, trace], no_clobber, SUFFIXES if samples is None else SHARD_SUFFIXES)
     check_checkpoint(checkpoint, every)
     settings = gather({**keys, "size": size, "device": device, "threads": threads, "memory": memory}, environment())
-    for warning in settings.warnings:
-        logger.warning(warning)
     job = Job(
         scene, outputs, report, trace, changes or [], defines_of(define), allow_outside, coherence, everything,
         traversal, half, exposure, no_clobber, quiet, log_json, checkpoint, seconds_of("--every", every), samples,

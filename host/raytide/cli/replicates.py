@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from raytide.report.experiment import Budget, Plan, Step
 
 EVERY_S = 5.0
+MOST_SEED = 2**31 - 1
 REFERENCE_TIMES = 64  # samples of a reference over those of the largest budget
 REFERENCE_SLICES = 8
 
@@ -84,7 +85,7 @@ def picture_size(text: str | None) -> tuple[int, int] | None:
 
 
 def budgets_of(text: str) -> tuple[Budget, ...]:
-    """`1,2,4` samples a pixel, or `1s,10s,1min` of rendering, rising; not both. Raises UsageError."""
+    """`1,2,4` samples a pixel, or `1s,10s,1min` of rendering, rising; not both. Raises UsageError about --budgets."""
     from raytide.render.limits import MOST_SPP
     from raytide.report.experiment import Budget
     from raytide.scene.values import as_seconds

@@ -80,7 +80,8 @@ def merge(
     """Put SHARDS together and write the picture to every -o file, with its error.
 
     From shards of one device it is the picture of one render there, bit for bit. All samples must be there once: holes,
-    overlaps, damaged files, and files of other scenes, settings or kernels are refused.
+    overlaps, damaged files, and files of other scenes, settings or kernels are refused. Where only the last ones are
+    missing, the picture is of those before, and a warning says so.
     """
     set_up_logging(quiet=quiet, verbose=verbose, as_json=log_json)
     if not output:

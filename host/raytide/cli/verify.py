@@ -66,7 +66,7 @@ def verify(
     peers
         With --cost: a Python that has embreex or mitsuba; may be repeated. By default the one that runs raytide.
     fuzz
-        Render so many scenes of extremes, in place of the cases.
+        Render so many scenes of extremes, at least 1, in place of the cases.
     list
         Print the cases and their bars, and stop.
     threads
@@ -84,12 +84,14 @@ def cases_of(
     groups: Iterable[str], ids: Iterable[str], quick: bool, full: bool, fuzz: int | None, none: bool
 ) -> list[Case]:
     """What the options ask for, in the order of the catalogue. Raises UsageError."""
+    from raytide.cli.options import check_range
     from raytide.verify import chosen_cases
     from raytide.verify.fuzz import FUZZED, fuzzed
 
     if quick and full:
         raise UsageError("came both --quick and --full; wanted one of them")
-    if fuzz:
+    check_range("--fuzz", fuzz, 1)
+    if fuzz is not None:
         return [fuzzed(fuzz)]
     some = [one for name in groups for one in chosen_cases(group=name)]
     some += [one for id in ids for one in chosen_cases(case=id)]
@@ -217,10 +219,9 @@ def size_of(full: bool) -> str:
 def write(json: Path | None, html: Path | None, result: dict[str, Any]) -> None:
     """All results as JSON and as a page."""
     if json:
-        from raytide.image.atomic import replacing
+        from raytide.image.atomic import write_file
 
-        with replacing(json) as file:
-            file.write(text.dumps(result, indent=1, default=float).encode() + b"\n")
+        write_file(json, text.dumps(result, indent=1, default=float).encode() + b"\n")
     if html:
         from raytide.report.page import write_page
         from raytide.report.verify_page import document
@@ -252,13 +253,19 @@ def say(one: Verdict) -> None:
 
 def earlier(path: Path, ids: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Records of an earlier run that can be replayed. UsageError for a file of another kind."""
+    wanted = "wanted a file that `raytide verify --json` wrote"
     try:
         found = text.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"--replay: {path} cannot be read: {error.strerror or error}; {wanted}") from None
+    except ValueError as error:
+        raise UsageError(f"--replay: {path}: came no JSON ({error}); {wanted}") from None
+    try:
         records = [one for one in found["verdicts"] if one["worst"] and (not ids or one["id"] in ids)]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"replay: {path} cannot be read as a file of verify --json: {error!r}") from None
+    except (KeyError, TypeError):
+        raise UsageError(f"--replay: {path}: came JSON without verdicts; {wanted}") from None
     if not records:
-        raise UsageError(f"replay: {path} holds no input" + (f" of case {', '.join(ids)}" if ids else ""))
+        raise UsageError(f"--replay: {path} holds no input" + (f" of case {', '.join(ids)}" if ids else ""))
     return records
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from raytide.device.cache import FileCache
 from raytide.device.compile import binary_key, compile_text, load_binary
-from raytide.device.environment import opencl
+from raytide.device.environment import opencl, processors
 from raytide.device.info import DeviceInfo
 
 if TYPE_CHECKING:
@@ -151,9 +151,8 @@ def _in_children(info: DeviceInfo) -> bool:
 
 def _workers(programs: int) -> int:
     """How many side by side: a program each, at most one a processor and 8, or RAYTIDE_BUILD_WORKERS."""
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     try:
         limit = max(1, int(os.environ["RAYTIDE_BUILD_WORKERS"]))
     except (KeyError, ValueError):
-        limit = min(allowed, _MOST_WORKERS)
+        limit = min(processors(), _MOST_WORKERS)
     return min(programs, limit)

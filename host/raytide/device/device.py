@@ -24,7 +24,8 @@ from raytide.device.probe import ProbeResult, load_probe, probe_source, run_prob
 def open_device(wanted: DeviceInfo | str | None = None, threads: int | None = None) -> Device:
     """Open a device: an info, an id or part of one, or None for the default (see find.pick).
 
-    `threads` limits a CPU's worker threads (no effect on others). Raises DeviceError.
+    `threads` limits a CPU's worker threads (no effect on others); more than there are processors are as many, with a
+    warning. Raises DeviceError, and UsageError for threads below 1.
     """
     cl = environment.opencl(threads)
     info = wanted if isinstance(wanted, DeviceInfo) else find.pick(*([wanted] if wanted else []))

@@ -144,7 +144,7 @@ def _device_check(device: dict[str, Any], facts: dict[str, Any], problem: str | 
 
 
 def caches_check() -> Check:
-    """Folder, sizes, damaged entries, and whether it can be written."""
+    """Folder, sizes, damaged entries, and whether it can be written and has room."""
     found = storage.cache_facts(verify=True)
     detail = f"{found.folder}: " + ", ".join(
         f"{part.name} {part.entries} in {human(part.size_bytes)}" for part in found.parts
@@ -152,6 +152,9 @@ def caches_check() -> Check:
     if not found.writable:
         return Check("cache", WARN, f"{detail}; cannot be written", "export RAYTIDE_CACHE_DIR=/tmp/raytide",
                      found.as_dict())  # fmt: skip
+    if not found.room:
+        return Check("cache", WARN, f"{detail}; its disk is full, or nearly: every start compiles anew",
+                     "export RAYTIDE_CACHE_DIR=/tmp/raytide  # or make room", found.as_dict())  # fmt: skip
     if found.damaged:
         return Check("cache", WARN, f"{detail}; {found.damaged} damaged (made anew when needed)",
                      "raytide cache clear", found.as_dict())  # fmt: skip

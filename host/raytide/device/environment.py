@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import logging
+import operator
 import os
 from pathlib import Path
 from types import ModuleType
 
-from raytide.errors import DeviceError
+from raytide.errors import DeviceError, UsageError
 
 log = logging.getLogger("raytide.device")
 
@@ -42,9 +43,11 @@ def code_variables() -> dict[str, str]:
 def opencl(threads: int | None = None) -> ModuleType:
     """The pyopencl module, imported on first use after the environment is in order.
 
-    `threads` limits PoCL's worker threads on the first call of the process, since PoCL reads it only once.
+    `threads` limits PoCL's worker threads on the first call of the process, since PoCL reads it only once; it is
+    checked on every call (see `checked_threads`).
     """
     global _opened
+    threads = checked_threads(threads)
     if _opened is None:
         _prepare(threads)
         try:
@@ -71,9 +74,28 @@ def _prepare(threads: int | None) -> None:
     os.environ["POCL_CACHE_DIR"] = str(rundir.private_folder())
 
 
+def checked_threads(threads: int | None) -> int | None:
+    """`threads`, or with a warning the processors of this process where it asks for more of them: PoCL starts as many
+    threads as it is told, and ends the process where the system refuses one. Raises UsageError for less than 1 and for
+    what is no whole number."""
+    if threads is None:
+        return None
+    try:
+        count = operator.index(threads)
+    except TypeError:
+        count = 0
+    if count < 1 or isinstance(threads, bool):
+        raise UsageError(f"threads: came {threads!r}; wanted a whole number from 1 to {processors()}")
+    if count > processors():
+        log.warning("threads: came %d; this process has %d processors: going on with as many", count, processors())
+    return min(count, processors())
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _allowed_processors() -> int | None:
     """Processors of this process where fewer than the machine has: PoCL counts them all."""
-    if not hasattr(os, "sched_getaffinity"):
-        return None
-    allowed = len(os.sched_getaffinity(0))
-    return allowed if allowed < (os.cpu_count() or 1) else None
+    return processors() if processors() < (os.cpu_count() or 1) else None

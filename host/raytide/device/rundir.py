@@ -3,11 +3,14 @@
 PoCL checks nothing of what it finds in its cache: a truncated file kills the process with SIGBUS, and does so again on
 every later run. Hence it gets an empty folder in each process; what outlives the process is kept in our own cache,
 whose entries are checked (cache.py), and is handed to PoCL as a program binary.
+
+Where the disk is full, PoCL fails with words that blame the program, so the room is looked at first.
 """
 
 from __future__ import annotations
 
 import atexit
+import errno
 import os
 import shutil
 import tempfile
@@ -15,6 +18,9 @@ import time
 from pathlib import Path
 from typing import IO
 
+ROOM_BYTES = 16 * 2**20  # PoCL writes a few times a program's size, up to eight programs side by side
+_TRIAL_BYTES = 2**18  # written and removed: quotas do not show in the free space
+_FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))  # Windows has no quota error
 _PREFIX = "raytide-run-"
 _DAY_S = 86400.0
 
@@ -23,20 +29,53 @@ _held: list[IO[bytes]] = []  # open lock files, so that the locks last as long a
 
 def private_folder() -> Path:
     """Make this process's folder, below POCL_CACHE_DIR or raytide's cache, and remove those of dead processes."""
-    from raytide.device.environment import cache_dir
+    from raytide.device.environment import cache_dir, log
 
     wanted = os.environ.get("POCL_CACHE_DIR")
-    for base in (Path(wanted) if wanted else cache_dir() / "pocl", Path(tempfile.gettempdir())):
-        try:
-            base.mkdir(parents=True, exist_ok=True)
-            folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=base))
-        except OSError:
+    bases = (Path(wanted) if wanted else cache_dir() / "pocl", Path(tempfile.gettempdir()))
+    full = []
+    for base in bases:
+        _sweep(base)  # first: what dead processes left may be what fills the disk
+        if not has_room(base):
+            full.append(str(base))
             continue
-        _hold(folder)
-        _sweep(base)
-        atexit.register(_remove_own, folder, os.getpid())
-        return folder
+        if folder := _made(base):
+            if full:
+                log.warning("%s has no room for PoCL's files: they go to %s", full[0], base)
+            return folder
+    for base in bases:  # no place has room: what PoCL needs may be less
+        if folder := _made(base):
+            log.warning("%s: no room for PoCL's files: programs may not build", " and ".join(full))
+            return folder
     raise OSError("no folder can be written for PoCL's temporary files: set RAYTIDE_CACHE_DIR to one that can")
+
+
+def has_room(folder: Path) -> bool:
+    """False where the disk of `folder`, which may not exist yet, is known to be nearly full or takes no bytes."""
+    place = next((one for one in (folder, *folder.parents) if one.is_dir()), None)
+    if place is None:
+        return True
+    try:
+        if shutil.disk_usage(place).free < ROOM_BYTES:
+            return False
+        with tempfile.TemporaryFile(dir=place) as file:
+            file.write(bytes(_TRIAL_BYTES))
+            file.flush()
+    except OSError as error:
+        return error.errno not in _FULL  # others are met where the folder is made
+    return True
+
+
+def _made(base: Path) -> Path | None:
+    """A new folder of this process below `base`; None where none can be made."""
+    try:
+        base.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=base))
+        _hold(folder)
+    except OSError:
+        return None
+    atexit.register(_remove_own, folder, os.getpid())
+    return folder
 
 
 def _hold(folder: Path) -> None:

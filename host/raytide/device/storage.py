@@ -10,7 +10,7 @@ from typing import Any
 
 from raytide.device.cache import FileCache, cap_bytes, is_sound
 from raytide.device.environment import cache_dir
-from raytide.device.rundir import abandoned_folders
+from raytide.device.rundir import abandoned_folders, has_room
 
 CHECKED = ("kernels", "probes", "traversal")
 _PLAIN = ("failed", "pocl")
@@ -34,6 +34,7 @@ class CacheFacts:
     folder: str
     cap_bytes: int  # of each checked part
     writable: bool
+    room: bool  # for PoCL's files and new entries
     parts: tuple[CachePart, ...]
 
     @property
@@ -49,7 +50,7 @@ def cache_facts(verify: bool = False) -> CacheFacts:
     """Sizes of every part; `verify` also reads every entry and checks its digest."""
     root = cache_dir()
     parts = [_checked(kind, verify) for kind in CHECKED] + [_plain(root / kind) for kind in _PLAIN]
-    return CacheFacts(str(root), cap_bytes(), _writable(root), tuple(parts))
+    return CacheFacts(str(root), cap_bytes(), _writable(root), has_room(root), tuple(parts))
 
 
 def clear_cache() -> int:

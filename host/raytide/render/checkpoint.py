@@ -24,6 +24,7 @@ from raytide.render.checkpoint_file import Content
 from raytide.render.limits import Row
 from raytide.render.schedule import WAVES
 from raytide.render.waves import RayCounts
+from raytide.scene.given import path_given, seconds_given
 
 if TYPE_CHECKING:
     from raytide.render.renderer import Renderer
@@ -40,9 +41,9 @@ _log = logging.getLogger("raytide.render")
 class Checkpoints:
     """Keeps a render in the file `path` (see checkpoint_file.py), every so many seconds and at its end.
 
-    `every`: seconds, kept to a chunk of samples. None: 60, or as many more as keep the cost of all writes, the last one
-    included, under 1 % of the time; a render that is finished before a write of its sums is worth that has only its
-    end noted in the file, and going on from there begins anew, to the same bits.
+    `every`: seconds, or text such as "30s", kept to a chunk of samples. None: 60, or as many more as keep the cost of
+    all writes, the last one included, under 1 % of the time; a render that is finished before a write of its sums is
+    worth that has only its end noted in the file, and going on from there begins anew, to the same bits.
     `notes`, ready for JSON, come back from `Renderer.resume`. `goes_on`: the render was resumed from this very file.
     A write that fails in the middle of a render is told and tried again; `failed` holds why while the last one failed.
     """
@@ -50,14 +51,13 @@ class Checkpoints:
     def __init__(
         self,
         path: str | os.PathLike[str],
-        every: float | None = None,
+        every: float | str | None = None,
         notes: Mapping[str, Any] | None = None,
         *,
         goes_on: bool = False,
     ) -> None:
-        if every is not None and not every > 0:
-            raise UsageError(f"every: came {every}; wanted seconds above 0")
-        self.path, self.every = Path(os.path.realpath(path)), every
+        self.path = Path(os.path.realpath(path_given(path, example="render.ck")))
+        self.every = seconds_given(every, "every")
         self.notes, self.goes_on = dict(notes or {}), goes_on
         self.written, self.cost_s = 0, 0.0
         self.failed: str | None = None

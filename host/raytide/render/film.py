@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from raytide.render.error import ErrorEstimate, estimate
 from raytide.render.film_sums import Sums
 from raytide.render.tile_error import TileErrors, tile_errors
 from raytide.render.tile_evidence import power_of_four
+from raytide.scene.given import names_given, path_given
 
 LAYERS = ("albedo", "normal", "position", "depth", "samples", "object_id", "variance")
 SUFFIXES = (".exr", ".png")
@@ -120,9 +120,10 @@ class Film:
         """Samples, seconds, rays, Mrays/s, device, and the estimated error, the root of relMSE (None where unknown)."""
         return {**self.figures, "error": self.error.error if self.error else None}
 
-    def layers(self, names: Sequence[str] = LAYERS) -> dict[str, np.ndarray]:
-        """Named layers beside the picture; of a clamped one also `cut` (h, w, 3), the radiance that it lost. UsageError
-        lists the names for an unknown one."""
+    def layers(self, names: Sequence[str] | str = LAYERS) -> dict[str, np.ndarray]:
+        """Layers beside the picture by their names, or the one of that name; of a clamped one also `cut` (h, w, 3), the
+        radiance that it lost. UsageError lists the names for an unknown one."""
+        names = names_given(names, "layers", "albedo")
         known: dict[str, np.ndarray] = {"samples": self.samples, "variance": self.variance}
         if self.data.cut:
             known["cut"] = self.data.cut.means
@@ -137,7 +138,7 @@ class Film:
         self,
         path: str | os.PathLike[str],
         *,
-        aovs: Sequence[str] = (),
+        aovs: Sequence[str] | str = (),
         half: bool = False,
         exposure: float = 0.0,
         no_clobber: bool = False,
@@ -145,12 +146,13 @@ class Film:
         """Writes .exr (beauty and the layers in `aovs`, with `cut` where there is one) or .png (sRGB after `exposure`
         stops), by the suffix.
 
-        The file appears only when it is complete. UsageError for other suffixes or, with `no_clobber`, a file
-        that exists; RaytideError where it cannot be written.
+        The file appears only when it is complete. UsageError for other suffixes, unknown layers or, with `no_clobber`,
+        a file that exists; RaytideError where it cannot be written.
         """
         from raytide import image
 
-        suffix = Path(path).suffix.lower()
+        path, aovs = path_given(path), names_given(aovs, "aovs", "albedo")
+        suffix = path.suffix.lower()
         if suffix == ".png":
             text = {"Software": "raytide"} | ({"Comment": str(self.bias)} if self.bias else {})
             image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text=text)

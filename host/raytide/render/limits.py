@@ -13,7 +13,9 @@ MOST_SPP = 2**24  # what the sampler's numbers hold, and the scene's schema allo
 LEAST_SPP = 4  # below, no error is known
 SURE_SPP = 16  # below, the estimate may be a fifth or five times of the truth (docs/error.md): no render ends by it
 ESTIMATE_SHARE = 0.03  # of the render's time may go into looking at its error
-LOOK_S = 1e-7  # a pixel: what a look costs, a guess before the first one
+LOOK_S, LEAST_LOOK_S = 1e-7, 1e-3  # a pixel, and at least: what a look costs, a guess before the first ones
+CHEAP_S = 2e-3  # a look that costs no more is always worth it where it may end the render
+EVEN_ODDS = 0.5  # that a render is at its error where the last look saw it
 RATE_DOUBT = 0.05  # relative: how far the pace of coming passes may be from that of the last ones
 
 
@@ -78,19 +80,43 @@ class History:
     error: ErrorEstimate | None = None
     error_row: Row | None = None  # the row that `error` belongs to
     cost_s: float = 0.0  # of all estimates
-    last_cost_s: float = 0.0
-    guess_s: float = 0.0  # of the first look
+    costs: list[float] = field(default_factory=list)  # of each look of this run
+    guess_s: float = 0.0  # of a look
 
-    def affordable(self, to_end: bool = False) -> bool:
-        """Whether a look can tell anything, and one now and one at the end keep the cost of all within their share
-        of the time so far. Where a look is what may end the render (`to_end`), there is none after it, and the first
-        one comes as soon as it may."""
-        row, each = self.rows[-1], self.last_cost_s or self.guess_s
-        if row.spp < (SURE_SPP if to_end else LEAST_SPP):
+    @property
+    def look_s(self) -> float:
+        """What a look will cost: the least so far, for others hold what happens once, or what else the machine did. The
+        first one alone tells no more than that it is not dearer."""
+        return min([*self.costs, self.guess_s] if len(self.costs) < 2 else self.costs)
+
+    def affordable(self, target: float | None = None) -> bool:
+        """Whether a look can tell anything, and one now and one at the end keep the cost of all within their share of
+        the time so far. Where the error `target` may end the render, the first look comes as soon as it may, and others
+        as far as they cost their share of the time since the last one. From where that saw the end, a look is worth as
+        much rendering as it has the odds to save."""
+        row = self.rows[-1]
+        if row.spp < (LEAST_SPP if target is None else SURE_SPP):
             return False
-        if to_end and not self.last_cost_s:
+        if target is None:
+            return self.cost_s + 2 * self.look_s <= ESTIMATE_SHARE * row.wall_s
+        if not self.costs or self.error_row is None:
             return True
-        return self.cost_s + (1 if to_end else 2) * each <= ESTIMATE_SHARE * row.wall_s
+        since = row.wall_s - self.error_row.wall_s - self.costs[-1]
+        share = EVEN_ODDS if self._is_due(target) else ESTIMATE_SHARE
+        return self.look_s <= max(CHEAP_S, share * since)
+
+    def _is_due(self, target: float) -> bool:
+        """Whether the last look saw the error at `target` by now."""
+        samples = self._samples_to(target)
+        return samples is not None and self.rows[-1].spp >= samples
+
+    def _samples_to(self, target: float, relmse: float | None = None) -> float | None:
+        """Samples a pixel at which the error will be `target`, by the last look, or as if that had seen `relmse`; None
+        where it cannot tell: below 16 samples its slope is unknown."""
+        if self.error is None or self.error_row is None or self.error_row.spp < SURE_SPP:
+            return None
+        now = self.error.relmse if relmse is None else relmse
+        return float(self.error_row.spp * (now / target**2) ** (1 / self.error.believed_slope))
 
     def add(self, row: Row) -> None:
         """One pass more."""
@@ -98,7 +124,8 @@ class History:
 
     def complete(self, error: ErrorEstimate | None, cost_s: float = 0.0) -> None:
         """The last pass's error, and the seconds that it took to find."""
-        self.cost_s, self.last_cost_s = self.cost_s + cost_s, cost_s or self.last_cost_s
+        self.cost_s += cost_s
+        self.costs += [cost_s] if cost_s > 0 else []
         if error is not None and self.rows:
             self.error_row = replace(self.rows[-1], relmse=error.relmse, relmse_low=error.low, relmse_high=error.high)
             self.error, self.rows[-1] = error, self.error_row
@@ -129,13 +156,13 @@ class History:
         pace = self.seconds_a_sample()
         if target is None or pace is None or self.error is None or self.error_row is None:
             return None
-        now, slope = self.error_row.spp, self.error.believed_slope
+        now = self.error_row.spp
         if now < SURE_SPP:
             return None
         since = (self.rows[-1].spp - now) * pace
 
         def seconds(relmse: float, doubt: float) -> float:
-            samples = now * (relmse / target**2) ** (1 / slope)
+            samples = self._samples_to(target, relmse) or 0.0
             return max(0.0, (samples - now) * pace * doubt - since)
 
         return Prediction(

@@ -9,7 +9,7 @@ from threading import Event
 
 from raytide.render.film import Film
 from raytide.render.frame import Frame
-from raytide.render.limits import LOOK_S, History, Limits, Row
+from raytide.render.limits import LEAST_LOOK_S, LOOK_S, History, Limits, Row
 from raytide.render.waves import Waves
 
 
@@ -59,7 +59,7 @@ class Loop:
         """Passes up to the first of `limits`; the error is looked at where it is one of them, or to `watch` it. `keep`
         is called where the render could go on from later, told whether this was the last time."""
         self.limits = limits
-        self.history.guess_s = frame.pixels * LOOK_S
+        self.history.guess_s = LEAST_LOOK_S + frame.pixels * LOOK_S
         look = watch or limits.error is not None
         self.stopped_by = self._ended_before(film_now)
         if self.stopped_by:
@@ -95,7 +95,7 @@ class Loop:
     def _look(self, frame: Frame, film_now: Callable[[], Film]) -> Film | None:
         """The film, if its error was looked at: at the end of a render, and before it as far as the cost allows."""
         history = self.history
-        if not self.stopped_by and not history.affordable(self.limits.error is not None):
+        if not self.stopped_by and not history.affordable(self.limits.error):
             return None
         begun = time.perf_counter()
         film = film_now()

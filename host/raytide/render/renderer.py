@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from threading import Event
 from typing import Any
 
@@ -27,6 +26,7 @@ from raytide.render.film import Film
 from raytide.render.film_buffers import PIXEL_BYTES
 from raytide.render.film_sums import Sums
 from raytide.render.frame import Frame
+from raytide.render.given import check_checkpoints, checked
 from raytide.render.instances import mesh_records
 from raytide.render.later import Later, first_of, planned_samples
 from raytide.render.light_paths import SPLAT_BYTES, LightPaths
@@ -41,19 +41,20 @@ from raytide.render.trees import Trees
 from raytide.render.trial import Trial
 from raytide.render.waves import RayCounts, SceneBuffers, Waves
 from raytide.scene.flatten import FlatScene
+from raytide.scene.given import path_given
 from raytide.scene.scene import Scene
 
 
 class Renderer:
     """Renders `scene` on `device` (an id, a DeviceInfo or an open Device; None picks one).
 
-    `memory` bounds the wave buffers in bytes; `everything` builds kernels with every feature (to see what leaving
-    out saves); `layers` compiles the kernels of a film's layers with the others, not when they are first asked for;
-    `traversal` says how rays are traced: "single", "list" (eight together through all of a few triangles), "packet" (64
-    together, where rays follow the picture), "compact" (single, through a tree of small nodes) or "auto", which tries
-    them (trial.py) or takes compact on GPUs; the picture is the same, bit for bit. `settings` override keys of the
-    scene's [render] table and camera `size`. Use as a context manager. Two renderers may share a Device, one after the
-    other: device times are counted by device.
+    `memory` bounds the wave buffers in bytes, or as text, "512M"; `everything` builds kernels with every feature (to
+    see what leaving out saves); `layers` compiles the kernels of a film's layers with the others, not when they are
+    first asked for; `traversal` says how rays are traced: "single", "list" (eight together through all of a few
+    triangles), "packet" (64 together, where rays follow the picture), "compact" (single, through a tree of small nodes)
+    or "auto", which tries them (trial.py) or takes compact on GPUs; the picture is the same, bit for bit. `settings`
+    override keys of the scene's [render] table and camera `size`. Use as a context manager. Two renderers may share a
+    Device, one after the other: device times are counted by device.
 
     Raises SceneError, UsageError and DeviceError before any wave runs.
     """
@@ -63,14 +64,15 @@ class Renderer:
         scene: Scene,
         device: str | DeviceInfo | Device | None = None,
         *,
-        memory: int | None = None,
+        memory: int | str | None = None,
         everything: bool = False,
         layers: bool = False,
         threads: int | None = None,
         traversal: str = "auto",
         **settings: Any,
     ) -> None:
-        self.scene, self.memory, self.everything, self.early_layers = scene, memory, everything, layers
+        self.scene, self.memory, threads = checked(scene, device, memory, threads)
+        self.everything, self.early_layers = everything, layers
         self.settings, self.traversal = settings, traversal
         self.times: dict[str, float] = {}
         self.sources: dict[str, Source] = {}
@@ -273,7 +275,7 @@ class Renderer:
         if checkpoints is None:
             return self._loop.run(*self.opened(), now, limits, watch)
         capture_now = lambda sums: capture(self, sums)  # noqa: E731
-        checkpoints.begin(capture_now)
+        check_checkpoints(checkpoints).begin(capture_now)
 
         def keep(last: bool) -> None:
             if last:
@@ -315,10 +317,10 @@ class Renderer:
         """
         self._shelf.settle()
         self._begin()
-        content, problem = checkpoint_file.read(Path(path))
+        content, problem = checkpoint_file.read(file := path_given(path, example="render.ck"))
         if problem:
             logging.getLogger("raytide.render").warning("%s: going on from the generation before", problem)
-        restore(self, content, Path(path))
+        restore(self, content, file)
         notes: dict[str, Any] = content.facts.get("notes", {})
         return notes
 

@@ -25,6 +25,7 @@ from raytide.render.film import Film, FilmData
 from raytide.render.film_sums import Differences, Sums
 from raytide.render.limits import MOST_SPP
 from raytide.render.provenance import provenance_of
+from raytide.scene.given import path_given, paths_given
 
 if TYPE_CHECKING:
     from raytide.render.renderer import Renderer
@@ -40,7 +41,8 @@ def check_range(first: int, end: int, spp: int | None) -> None:
     """Raises UsageError where samples `first` to `end` - 1 are no whole blocks; the last one of a picture of `spp`
     samples may be a part."""
     words = f"samples: came {first}:{end}"
-    if not 0 <= first < end <= (spp or MOST_SPP):
+    whole = all(isinstance(number, (int, np.integer)) for number in (first, end))
+    if not whole or not 0 <= first < end <= (spp or MOST_SPP):
         raise UsageError(f"{words}; wanted A:B with 0 <= A < B <= {spp or MOST_SPP}, the picture's samples")
     if first % FILM_BLOCK or (end % FILM_BLOCK and end != spp):
         raise UsageError(
@@ -65,8 +67,8 @@ def write_shard(
     `Renderer.status` after every block. Raises UsageError for a range that is no whole blocks, and for adaptive
     renders, whose pixels have ranges of their own.
     """
-    render = renderer.flat.render
-    check_range(first, end, render.spp if "spp" in render.model_fields_set else None)
+    path = path_given(path, example="part.shard")
+    check_range(first, end, _wanted_spp(renderer))
     if renderer.features.adaptive:
         raise UsageError("samples: came a range of an adaptive render; wanted the same samples for all pixels")
     done, blocks, arrays = first, [], {}
@@ -80,8 +82,14 @@ def write_shard(
     if blocks:
         for prefix, films in zip(("", CUT), zip(*blocks, strict=True), strict=False):
             arrays |= {prefix + name: np.stack([getattr(sums, name) for sums in films]) for name in _PARTS}
-        checkpoint_file.write(Path(path), Content(_facts(renderer, first, done), arrays), KIND, no_clobber=no_clobber)
+        checkpoint_file.write(path, Content(_facts(renderer, first, done), arrays), KIND, no_clobber=no_clobber)
     return done
+
+
+def _wanted_spp(renderer: Renderer) -> int | None:
+    """Samples a pixel of the whole picture; None where nobody said."""
+    render = renderer.flat.render
+    return render.spp if "spp" in render.model_fields_set else None
 
 
 def _facts(renderer: Renderer, first: int, end: int) -> dict[str, Any]:
@@ -92,6 +100,7 @@ def _facts(renderer: Renderer, first: int, end: int) -> dict[str, Any]:
         **origin_of(renderer),
         "first": first,
         "end": end,
+        "wanted_spp": _wanted_spp(renderer),
         "health": frame.health(),
         "faults": frame.faults_met(),
         "rays": renderer.rays.total,
@@ -100,15 +109,19 @@ def _facts(renderer: Renderer, first: int, end: int) -> dict[str, Any]:
     }
 
 
-def merge(paths: Sequence[str | os.PathLike[str]]) -> Film:
-    """The picture of all shards together, in any order: bit for bit that of one render on the same device.
+def merge(paths: Sequence[str | os.PathLike[str]] | str | os.PathLike[str]) -> Film:
+    """The picture of all shards together, in any order, or of a single one: bit for bit that of one render on the same
+    device.
 
     Raises UsageError, and names the file or the samples, for files that are no whole shard, holes, samples that two
     shards have, and renders of another scene, other settings or other kernels. Shards of several devices mix, with a
-    warning.
+    warning; so do the first ones of a picture whose `spp` they know, and the picture's header says what is `missing`.
     """
-    parts = _in_order([Path(path) for path in paths])
+    parts = _in_order(paths_given(paths, "shards", "a.shard"))
     facts = [one for _, one in parts]
+    if missing := _missing(facts):
+        _log.warning("samples %d to %d of %d are in no shard; the picture is of those before",
+                     missing[0], missing[1] - 1, missing[1])  # fmt: skip
     picture = _Picture()
     for path, _ in parts:
         content = checkpoint_file.read_one(path, KIND)
@@ -193,6 +206,13 @@ def _facts_of(path: Path) -> dict[str, Any]:
     return facts
 
 
+def _missing(facts: list[dict[str, Any]]) -> list[int] | None:
+    """The first sample behind all shards, and the number behind the last one that they should have; None where none
+    is missing or no shard knows."""
+    end, wanted = facts[-1]["end"], max(one.get("wanted_spp") or 0 for one in facts)
+    return [end, wanted] if wanted > end else None
+
+
 def _figures(facts: list[dict[str, Any]]) -> dict[str, object]:
     seconds, rays = sum(one["seconds"] for one in facts), sum(one["rays"] for one in facts)
     devices = list(dict.fromkeys(one["device"] for one in facts))
@@ -209,6 +229,7 @@ def _provenance(facts: list[dict[str, Any]]) -> dict[str, object]:
     own["spp"] = facts[-1]["end"]
     own["time_s"] = own["time_s"] | {"render": round(sum(one["seconds"] for one in facts), 6)}
     own["shards"] = [[one["first"], one["end"], one["device"]] for one in facts]
+    own |= {"missing": missing} if (missing := _missing(facts)) else {}
     return first | {"raytide": own}
 
 

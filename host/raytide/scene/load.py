@@ -12,6 +12,7 @@ from raytide.errors import Problem, SceneError
 from raytide.scene.camera import CAMERAS
 from raytide.scene.check import base_problems, light_problems, object_problems
 from raytide.scene.describe import value_words
+from raytide.scene.given import path_given
 from raytide.scene.layers import Layer, Override, apply_overrides, overrides_of, parse_override
 from raytide.scene.mitsuba import Mitsuba, read_mitsuba
 from raytide.scene.model import Table, path_words
@@ -38,9 +39,9 @@ def load(
     Each of `layers` outranks the file and the layers before it; `overrides` (`key.path=value`, the value as TOML, a
     bare word as a string) outrank them all. Files that the scene names must lie in its folder unless `allow_outside`.
     `scene.origins` tells which one set each render and camera key. `defines` are the parameters of a Mitsuba scene.
-    Raises SceneError with all problems at once.
+    Raises SceneError with all problems at once, and UsageError for a path that is none.
     """
-    file = Path(path)
+    file = path_given(path, example="scene.toml")
     source = read_mitsuba(file, defines, allow_outside) if file.suffix.lower() == ".xml" else _Text(file, defines)
     raw = source.tables
     changes: list[Override] = [change for layer in layers for change in overrides_of(layer)]

@@ -226,10 +226,12 @@ class Scene:
         return flatten_scene(self, share)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write a .toml or .json file, replaced only when finished. Raises SceneError."""
+        """Write a .toml or .json file, replaced only when finished. Raises SceneError, and UsageError for a path
+        that is none."""
+        from raytide.scene.given import path_given
         from raytide.scene.save import save_scene
 
-        return save_scene(self, Path(path))
+        return save_scene(self, path_given(path, example="scene.toml"))
 
     def sha256(self, *, with_render: bool = False) -> str:
         """Hash of what the scene shows: camera, textures, materials, objects with the bytes of their files, lights."""

@@ -96,9 +96,8 @@ def replay(record: dict[str, Any], lab: Lab) -> Verdict:
         (one,) = chosen_cases(case=record["id"])
         wanted, rows = record["worst"]["trial"], record["worst"]["inputs"]
         arrays = {name: np.array([row["value"]], np.dtype(row["type"])) for name, row in rows.items()}
-    except (KeyError, TypeError, ValueError) as error:
-        what = f"replay: came a record without a worst input ({error!r}); wanted one of verify's JSON"
-        raise UsageError(what) from None
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise UsageError("replay: came a record without a worst input; wanted one of verify's JSON") from None
     for trial in one.trials(lab):
         if trial.name == wanted:
             judged = trial.judge(arrays)
