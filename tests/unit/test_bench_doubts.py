@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bench_cases import RESULTS
-from raytide.bench.report import result_page
+from raytide.bench.compare import compare, comparison_text
+from raytide.bench.report import comparison_page, result_page
 from raytide.bench.runner import sealed
 from raytide.bench.show import tables
 from raytide.cli.main import main
@@ -108,3 +110,54 @@ def test_a_score_whose_visits_are_far_apart_says_so_without_any_flag() -> None:
     result = flagged()
     result["score"]["ci95"] = [86.0, 9496.0]
     assert tables(result).endswith("(95 %)\nQuick score: 1429 points (visits far apart: run it again)")
+
+
+def slower(result: dict[str, Any], **factors: float) -> dict[str, Any]:
+    """The result with the rates of some workloads, or of `rays`, divided by these factors."""
+    for one in result["workloads"]:
+        factor = factors.get(one["id"], 1.0)
+        one["timing"]["values_s"] = [factor * value for value in one["timing"]["values_s"]]
+        one["summary"]["median"] /= factor
+    for scene in result["rays"]["scenes"].values():
+        for one in scene["sets"].values():
+            host, factor = one["rays_per_s"]["host"], factors.get("rays", 1.0)
+            host["values"], host["median"] = [value / factor for value in host["values"]], host["median"] / factor
+    return result
+
+
+def test_what_others_disturbed_fails_no_comparison(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = [written(tmp_path / "old.bench.json", flagged())]
+    for name, flags in (("calm", {}), ("loaded", {"cornell": ("disturbed",)}), ("shaky", {"cornell": ("unstable",)})):
+        names.append(written(tmp_path / f"{name}.bench.json", slower(flagged(**flags), cornell=2.0, rays=2.0)))
+    codes = {}
+    for file in names[1:]:
+        codes[file] = main(["bench", "compare", names[0], file, "--fail-above", "5%"])
+        said = capsys.readouterr()
+        assert ("worse: " in said.err) == (codes[file] == 5)
+        assert ("which others disturbed, do not count: run again on an idle machine" in said.err) == ("loaded" in file)
+    assert list(codes.values()) == [5, 0, 5]
+    assert "renders cornell 0.500 (unstable in new)" in said.err
+    assert main(["bench", "compare", names[2], names[0], "--fail-above", "0"]) == 0, "disturbed in the old is as bad"
+    assert main(["bench", "compare", names[0], names[1], "--fail-above", "0"]) == 5, "nothing may be worse"
+
+
+def test_a_row_in_doubt_is_called_so_where_it_stands_and_at_the_top() -> None:
+    old, new = flagged(spheres=("drifting",)), slower(flagged(cornell=("disturbed", "unstable")), cornell=2.0, rays=2.0)
+    found = compare(old, new)
+    rows = {f"{row.part} {row.name}": row for row in found.rows}
+    assert rows["renders cornell"].word == "perhaps worse"
+    assert rows["renders cornell"].remark == "disturbed in new, unstable in new"
+    assert rows["renders spheres"].remark == "drifting in old" and rows["renders lights"].remark == ""
+    rays = [row for row in found.rows if row.part == "rays"]
+    assert rays and all(row.disturbed and row.word == "perhaps worse" for row in rays), "nobody watched them"
+    text = comparison_text(("a", "b"), found)
+    assert text.splitlines()[2].startswith("NOTE: ") and "are in doubt (" in text.splitlines()[2]
+    [line] = [line for line in text.splitlines() if line.startswith("renders cornell")]
+    assert line.endswith("perhaps worse; disturbed in new, unstable in new")
+    page = comparison_page(("a", "b"), [found])
+    assert "are in doubt (" in page and "disturbed in new, unstable in new" in page
+    calm = compare(flagged(), slower(flagged(), cornell=2.0))
+    certain = replace(calm, rows=[row for row in calm.rows if row.part == "renders"])
+    assert [row.word for row in certain.rows].count("worse") == 1
+    page = comparison_page(("a", "b"), [certain])
+    assert "NOTE" not in comparison_text(("a", "b"), certain) and "in doubt" not in page

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from raytide.bench.doubts import flags_of
 from raytide.bench.others import seconds_of
 from raytide.bench.show import aligned, figure, measurements
 from raytide.errors import UsageError
@@ -26,7 +28,8 @@ _LOOKED_AT = (
 
 @dataclass(frozen=True)
 class Row:
-    """One measurement in both results. `ratio` is new over old, above 1 being better, with its 95 % interval."""
+    """One measurement in both results. `ratio` is new over old, above 1 being better, with its 95 % interval. `doubts`
+    are flags of either with the side that has it: ("disturbed", "new")."""
 
     part: str
     name: str
@@ -36,11 +39,23 @@ class Row:
     ratio: float
     low: float
     high: float
+    doubts: tuple[tuple[str, str], ...] = ()
 
     @property
     def word(self) -> str:
-        """What the interval says."""
-        return "better" if self.low > 1 else "worse" if self.high < 1 else "same within noise"
+        """What the interval says, and whether that is certain."""
+        found = "better" if self.low > 1 else "worse" if self.high < 1 else None
+        return "same within noise" if found is None else f"perhaps {found}" if self.doubts else found
+
+    @property
+    def remark(self) -> str:
+        """What weakens it, on which side."""
+        return ", ".join(f"{flag} in {side}" for flag, side in self.doubts)
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether others took what the device computes with, on either side."""
+        return any(flag == "disturbed" for flag, _ in self.doubts)
 
 
 @dataclass(frozen=True)
@@ -52,8 +67,25 @@ class Comparison:
     left_out: list[tuple[str, str]]
 
     def regressions(self, share: float) -> list[Row]:
-        """Rows that became worse by more than `share`, and by more than noise."""
-        return [row for row in self.rows if row.ratio < 1 - share and row.high < 1]
+        """Rows that became worse by more than `share`, and by more than noise. Those that others disturbed are not
+        among them: they tell of the machine's load, not of what was measured."""
+        return [row for row in self.rows if row.ratio < 1 - share and row.high < 1 and not row.disturbed]
+
+    def not_judged(self) -> str | None:
+        """What `regressions` leaves out, for people."""
+        count = sum(row.disturbed for row in self.rows)
+        said = f"{count} of {len(self.rows)} measurements, which others disturbed, do not count"
+        return f"{said}: run again on an idle machine" if count else None
+
+    def warning(self) -> str | None:
+        """How many rows are in doubt, and why; None where all are as certain as their intervals."""
+        doubted = [row for row in self.rows if row.doubts]
+        if not doubted:
+            return None
+        counts = Counter(f"{flag} in {side}" for row in doubted for flag, side in row.doubts)
+        said = ", ".join(f"{count} {what}" for what, count in counts.items())
+        return f"{len(doubted)} of {len(self.rows)} measurements are in doubt ({said}): what is said of them is not " \
+               "certain; run again on an idle machine"  # fmt: skip
 
 
 def share_of(text: str) -> float:
@@ -82,6 +114,7 @@ def compare(old: dict[str, Any], new: dict[str, Any], force: bool = False) -> Co
     """`new` against `old`. Raises UsageError where their keys differ, unless forced."""
     check_keys(old, new, force)
     before = {(part, name): one for part, name, one in measurements(old)}
+    loads = tuple(any("disturbed" in flags_of(one) for _, _, one in measurements(result)) for result in (old, new))
     rows, left_out = [], []
     for part, name, one in measurements(new):
         other = before.pop((part, name), None)
@@ -90,7 +123,7 @@ def compare(old: dict[str, Any], new: dict[str, Any], force: bool = False) -> Co
             left_out.append((f"{part} {name}", reason))
         else:
             assert other is not None
-            rows.append(row_of(part, name, other, one))
+            rows.append(row_of(part, name, other, one, doubts_of((other, one), loads)))
     left_out += [(f"{part} {name}", "only in the first") for part, name in before]
     return Comparison(list(differences(old, new)), rows, left_out)
 
@@ -107,12 +140,24 @@ def why_not(old: dict[str, Any] | None, new: dict[str, Any], force: bool) -> str
     return None
 
 
-def row_of(part: str, name: str, old: dict[str, Any], new: dict[str, Any]) -> Row:
+def doubts_of(sides: Sequence[dict[str, Any]], loads: Sequence[bool]) -> tuple[tuple[str, str], ...]:
+    """Flags of a measurement in the old and in the new. Where nobody watched who else was there (sets of rays), it is
+    disturbed where anything in its run is (`loads`)."""
+    out = []
+    for side, one, load in zip(("old", "new"), sides, loads, strict=True):
+        unseen = ["disturbed"] if load and "disturbed" not in one["summary"] else []
+        out += [(flag, side) for flag in (*unseen, *flags_of(one))]
+    return tuple(out)
+
+
+def row_of(
+    part: str, name: str, old: dict[str, Any], new: dict[str, Any], doubts: tuple[tuple[str, str], ...] = ()
+) -> Row:
     """A ratio of medians with its bootstrap interval, from the raw values."""
     _, low, high = ratio_of_medians(rates_of(old), rates_of(new))
     summary = new["summary"]
     return Row(part, name, old["summary"]["median"], summary["median"], summary["unit"],
-               summary["median"] / old["summary"]["median"], low, high)  # fmt: skip
+               summary["median"] / old["summary"]["median"], low, high, doubts)  # fmt: skip
 
 
 def rates_of(one: dict[str, Any]) -> np.ndarray:
@@ -151,13 +196,16 @@ def short(value: Any) -> str:
 def comparison_text(names: Sequence[str], found: Comparison) -> str:
     """For a terminal."""
     parts = [f"{names[1]} against {names[0]}"]
+    if warning := found.warning():
+        parts.append(f"NOTE: {warning}")
     if found.differences:
         first, second = (f"  {name + ':':{max(map(len, names)) + 1}}" for name in names)
         rows = [f"{what}\n{first} {old}\n{second} {new}" for what, old, new in found.differences]
         parts.append("\n".join(["WHAT DIFFERS", *rows]))
     if found.rows:
         cells = [[f"{row.part} {row.name}", figure(row.old, unit(row)), figure(row.new, unit(row)), f"{row.ratio:.3f}",
-                 f"{row.low:.3f} to {row.high:.3f}", row.word] for row in found.rows]  # fmt: skip
+                 f"{row.low:.3f} to {row.high:.3f}", "; ".join(filter(None, (row.word, row.remark)))]
+                 for row in found.rows]  # fmt: skip
         parts.append(aligned(["MEASUREMENT", "OLD", "NEW", "NEW / OLD", "95 %", ""], cells))
     parts += ["\n".join(f"left out: {name}: {reason}" for name, reason in found.left_out)] if found.left_out else []
     return "\n\n".join(parts)

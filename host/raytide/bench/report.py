@@ -33,11 +33,13 @@ def comparison_page(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
     for name, found in zip(names[1:], comparisons, strict=True):
         rows = [[row.part, row.name, Quantity(text_figure(row.old, unit(row)), row.old),
                  Quantity(text_figure(row.new, unit(row)), row.new), row.ratio, row.low, row.high,
-                 grade(row.word, {"better": True, "worse": False}.get(row.word))] for row in found.rows]  # fmt: skip
-        head = ["part", "measurement", names[0], name, "new / old", "95 % from", "to", "verdict"]
-        left = [list(one) for one in found.left_out]
+                 grade(row.word, {"better": True, "worse": False}.get(row.word)), row.remark]
+                for row in found.rows]  # fmt: skip
+        head = ["part", "measurement", names[0], name, "new / old", "95 % from", "to", "verdict", "remark"]
+        left, warning = [list(one) for one in found.left_out], found.warning()
         body.append(section(
             f"{name} against {names[0]}",
+            paragraph(warning) if warning else None,
             facts({what: f"{old} | {new}" for what, old, new in found.differences}),
             bars([f"{r.part} {r.name}" for r in found.rows], [r.ratio for r in found.rows], "new / old",
                  [r.low for r in found.rows], [r.high for r in found.rows], width=760),

@@ -266,7 +266,8 @@ def compare(
 ) -> int:
     """Compare result files with the first of them: what differs around them, then ratios with intervals.
 
-    Exit code 5 with --fail-above where a measurement became worse by more than that, and by more than noise.
+    Exit code 5 with --fail-above where a measurement became worse by more than that, and by more than noise. What
+    others disturbed does not count.
 
     Parameters
     ----------
@@ -293,7 +294,11 @@ def compare(
     worse = []
     for name, one in zip(names[1:], found, strict=True):
         print(comparing.comparison_text((names[0], name), one))
-        worse += [f"{name}: {row.part} {row.name} {row.ratio:.3f}" for row in one.regressions(share)] if share else []
+        if share is not None:
+            worse += [f"{name}: {row.part} {row.name} {row.ratio:.3f}" + (f" ({row.remark})" if row.remark else "")
+                      for row in one.regressions(share)]  # fmt: skip
+            if said := one.not_judged():
+                say(f"fail-above: {name}: {said}")
     if html:
         from raytide.bench.report import comparison_page
 
