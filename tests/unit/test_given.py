@@ -46,6 +46,7 @@ def film() -> rt.Film:
         (lambda: film().save(None), "path: came nothing; wanted the name of a file, such as 'picture.exr'"),
         (lambda: film().save("v.exr", aovs=3), r"aovs: came 3; wanted a list of names, such as \['albedo'\]"),
         (lambda: film().save("v.exr", aovs=[3]), "aovs: came 3; wanted a list of names"),
+        (lambda: film().save("v.png", exposure="x"), "exposure: came 'x'; wanted a finite number"),
         (lambda: film().save("v.exr", aovs="x"), "layer: came 'x'; wanted one of"),
         (lambda: rt.merge("abc"), "abc: "),
         (lambda: rt.merge(None), "shards: came nothing; wanted the name of a file, such as 'a.shard'"),
@@ -64,6 +65,12 @@ def test_one_name_is_a_list_of_one(tmp_path: Path) -> None:
     film().save(str(tmp_path / "v.exr"), aovs="variance")
     assert set(read_exr(tmp_path / "v.exr").layers) == {"beauty", "variance"}
     assert list(film().layers("albedo")) == ["albedo"]
+    lit = scene()
+    lit.add(rt.sky(1.0))
+    path = lit.save(tmp_path / "s.json")
+    assert rt.load(path, overrides="render.spp=7").render.spp == 7
+    with pytest.raises(UsageError, match=r"overrides: came 3; wanted a list of names, such as \['render.spp=16'\]"):
+        rt.load(path, overrides=3)
     assert names_given(iter(("a", "b")), "aovs", "albedo") == ("a", "b")
 
 

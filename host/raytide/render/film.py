@@ -15,7 +15,7 @@ from raytide.render.error import ErrorEstimate, estimate
 from raytide.render.film_sums import Sums
 from raytide.render.tile_error import TileErrors, tile_errors
 from raytide.render.tile_evidence import power_of_four
-from raytide.scene.given import names_given, path_given
+from raytide.scene.given import names_given, number_given, path_given
 
 LAYERS = ("albedo", "normal", "position", "depth", "samples", "object_id", "variance")
 SUFFIXES = (".exr", ".png")
@@ -155,7 +155,7 @@ class Film:
         suffix = path.suffix.lower()
         if suffix == ".png":
             text = {"Software": "raytide"} | ({"Comment": str(self.bias)} if self.bias else {})
-            image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text=text)
+            image.write_png(path, self.rgb, number_given(exposure, "exposure"), no_clobber=no_clobber, text=text)
         elif suffix == ".exr":
             cut = ("cut",) if aovs and self.data.cut else ()
             parts = {"beauty": np.dstack((self.rgb, self.alpha))} | self.layers((*aovs, *cut))

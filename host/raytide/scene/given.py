@@ -13,7 +13,7 @@ import numpy as np
 
 from raytide.errors import UsageError
 from raytide.scene.describe import value_words
-from raytide.scene.values import as_seconds
+from raytide.scene.values import as_number, as_seconds
 
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30}
 
@@ -40,6 +40,14 @@ def paths_given(paths: Any, name: str, example: str) -> list[Path]:
     """Paths that came as `name`; one alone counts as a list of one."""
     alone = isinstance(paths, (str, os.PathLike)) or not isinstance(paths, Iterable)
     return [path_given(path, name, example) for path in ([paths] if alone else paths)]
+
+
+def number_given(number: Any, name: str) -> float:
+    """A finite number."""
+    try:
+        return as_number(number)
+    except ValueError:
+        raise UsageError(f"{name}: came {value_words(number)}; wanted a finite number") from None
 
 
 def seconds_given(seconds: Any, name: str) -> float | None:

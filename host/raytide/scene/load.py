@@ -12,7 +12,7 @@ from raytide.errors import Problem, SceneError
 from raytide.scene.camera import CAMERAS
 from raytide.scene.check import base_problems, light_problems, object_problems
 from raytide.scene.describe import value_words
-from raytide.scene.given import path_given
+from raytide.scene.given import names_given, path_given
 from raytide.scene.layers import Layer, Override, apply_overrides, overrides_of, parse_override
 from raytide.scene.mitsuba import Mitsuba, read_mitsuba
 from raytide.scene.model import Table, path_words
@@ -30,14 +30,15 @@ def load(
     path: str | os.PathLike[str],
     *,
     allow_outside: bool = False,
-    overrides: Iterable[str] = (),
+    overrides: Iterable[str] | str = (),
     layers: Iterable[Layer] = (),
     defines: Mapping[str, str] | None = None,
 ) -> Scene:
     """Read a scene file (.toml or .json, or a Mitsuba 3 scene, .xml).
 
-    Each of `layers` outranks the file and the layers before it; `overrides` (`key.path=value`, the value as TOML, a
-    bare word as a string) outrank them all. Files that the scene names must lie in its folder unless `allow_outside`.
+    Each of `layers` outranks the file and the layers before it; each of `overrides` (`key.path=value`, the value as
+    TOML, a bare word as a string) outranks them all. Files that the scene names must lie in its folder unless
+    `allow_outside`.
     `scene.origins` tells which one set each render and camera key. `defines` are the parameters of a Mitsuba scene.
     Raises SceneError with all problems at once, and UsageError for a path that is none.
     """
@@ -46,7 +47,7 @@ def load(
     raw = source.tables
     changes: list[Override] = [change for layer in layers for change in overrides_of(layer)]
     faults: list[Problem] = []
-    for words in overrides:
+    for words in names_given(overrides, "overrides", "render.spp=16"):
         try:
             changes.append(parse_override(words))
         except SceneError as error:
