@@ -50,13 +50,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture(autouse=True)
-def logging_as_before() -> Iterator[None]:
-    """Commands that run inside a test set up logging for the whole process: undo it."""
+def logging_untouched() -> None:
+    """Commands that run inside a test, or a fixture of a module, set up logging for the whole process: undo it."""
     logger = logging.getLogger("raytide")
-    before = (list(logger.handlers), logger.level, logger.propagate, logger.disabled)
-    yield
-    logger.handlers[:], level, logger.propagate, logger.disabled = before
-    logger.setLevel(level)
+    logger.handlers[:], logger.propagate, logger.disabled = [], True, False
+    logger.setLevel(logging.NOTSET)
 
 
 @pytest.fixture(scope="session")
