@@ -1,9 +1,10 @@
 """Which variant of the traversal traces which kind of wave: tried on a render's own first launches, and remembered.
 
 Nothing is traced twice and no scene is made up for it: launches of a kind take turns between the variants, all of which
-give the same bits, until each has had enough of them; the fastest traces that kind from then on, by the fastest launch
-of each: other programs make launches slower, never faster. The outcome is kept by device, driver, kernels and kind. A
-render with fewer launches ends before its trial does, and waits for nothing.
+give the same bits, until each has had enough of them; the fastest traces that kind from then on, by the median of
+each one's rates: a launch that another program slowed decides nothing, nor does one whose rays were easy. The outcome
+is kept by device, driver, kernels and kind. A render with fewer launches ends before its trial does, and waits for
+nothing.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Any
 
 from raytide.device import Device
@@ -31,7 +33,7 @@ class _Kind:
     chosen: Variant | None = None
     source: str = "usual"  # "usual", "trial" or "cache"
     launches: dict[str, int] = field(default_factory=dict)
-    fastest: dict[str, float] = field(default_factory=dict)  # rays/s of each variant's fastest launch that counts
+    counted: dict[str, list[float]] = field(default_factory=dict)  # rays/s of each variant's launches that count
     rates: dict[str, float] = field(default_factory=dict)
 
 
@@ -97,11 +99,11 @@ class Trial:
         state.launches[name] = state.launches.get(name, 0) + 1
         if first:
             return
-        state.fastest[name] = max(state.fastest.get(name, 0.0), rays / max(seconds, 1e-9))
+        state.counted.setdefault(name, []).append(rays / max(seconds, 1e-9))
         able = self._able(kind)
         least = min(state.launches.get(one.name, 0) for one in able)
         if least >= ROUNDS or (least > 1 and self.spent_s >= LONGEST_S):
-            rates = {one.name: state.fastest[one.name] for one in able}
+            rates = {one.name: median(state.counted[one.name]) for one in able}
             self._decide(kind, rates, "trial")
             facts = {"device": self.device.info.id, "driver": self.device.info.driver, "kind": kind}
             if self._keeps:
