@@ -38,6 +38,8 @@ class Raytide:
 
     def render(self, spp: int, seed: int) -> tuple[np.ndarray, float]:
         """A picture of its own, linear radiance float32 (h, w, 3), row 0 on top; and the samples a pixel taken."""
+        if spp > 1:  # longer than a first picture: with the kernels of long renders, whichever render comes first
+            self.renderer.complete()
         self.renderer.restart(seed=seed)
         film = self.renderer.render(spp)
         if film.error is None and spp >= 4:
