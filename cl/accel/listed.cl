@@ -82,22 +82,13 @@ static void list_passing8(const Geometry g, const List list, private const float
         private const float8 *b = corner_at(table, at.y);
         private const float8 *c = corner_at(table, at.z);
         private Passed8 *one = passing->of + count;
-#if FLUSHES_DENORMALS
-        Edges8 e;
         const Sheared8 s = {a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]};
+        Edges8 e;
         edges_of8(s, &e);
-        const float8 u = e.u;
-        const float8 v = e.v;
-        const float8 w = e.w;
-#else
-        const float8 u = difference_of_products8(c[0], b[1], c[1], b[0]);
-        const float8 v = difference_of_products8(a[0], c[1], a[1], c[0]);
-        const float8 w = difference_of_products8(b[0], a[1], b[1], a[0]);
-#endif
-        const int8 outside = mixed_signs8(u, v, w);
-        one->v = v;
-        one->w = w;
-        one->sum = (u + v) + w;
+        const int8 outside = mixed_signs8(e.u, e.v, e.w);
+        one->v = e.v;
+        one->w = e.w;
+        one->sum = e.sum;
         one->outside = outside;
         passing->prims[count] = prim;
         count += movemask8(outside < 0) != ALL_LANES && !is_hidden(g, at.w) ? 1u : 0u;

@@ -54,8 +54,7 @@ ALWAYS_INLINE static void shear_rays8(Rays8 *r)
     const float8 inverse_z = x_main ? r->inverse[0] : (y_main ? r->inverse[1] : r->inverse[2]);
     const float8 length = abs8(d_z);
     const float8 towards = abs8(inverse_z);
-    const float8 to_one = as_float8(0x7f000000 - (as_int8(r->extent) & 0x7f800000));
-    const float8 scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : (float8)(SCALE_MOST);
+    const float8 scale = scale_of8(r->extent);
     const float8 scale_z = as_float8(as_int8(scale * TO_DEPTH) | (as_int8(d_z) & (int8)(0x80000000)));
     r->scale = scale;
     r->scale_z = scale_z;

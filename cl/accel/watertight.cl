@@ -21,7 +21,7 @@
 #else
 #define TO_DEPTH 1.7347235e-18f  // 2^-59
 #define FROM_DEPTH 5.7646075e17f
-#define LESSENED(area) area
+#define LESSENED(area) (area)
 #endif
 
 typedef struct {
@@ -33,6 +33,19 @@ typedef struct {
     float length_z;  // scaled depth over this is t
     float3 shift;    // minus the scaled origin
 } Shear;
+
+// The power of two that makes lengths up to `extent` up to SCALED_EXTENT, as far as floats reach.
+static float scale_of(const float extent)
+{
+    const float to_one = scale_to_one(extent);
+    return to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
+}
+
+ALWAYS_INLINE static float8 scale_of8(const float8 extent)
+{
+    const float8 to_one = scale_to_one8(extent);
+    return to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : (float8)(SCALE_MOST);
+}
 
 // Of a ray whose main axis is z.
 static uint4 shear_rows(const uint z)
@@ -63,10 +76,9 @@ static Shear shear_of(const TraceRay ray, const float4 inverse)
     const uint y = x == 2u ? 0u : x + 1u;
     const float length = abs_of(d[z]);
     const float towards = abs_of(inverses[z]);
-    const float to_one = scale_to_one(ray.extent);
     Shear s;
     s.rows = shear_rows(z);
-    s.scale = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
+    s.scale = scale_of(ray.extent);
     s.scale_z = float_of(bits_of(s.scale * TO_DEPTH) | (bits_of(d[z]) & 0x80000000u));
     s.shear_x = slope_of(d[x], length, towards) * -FROM_DEPTH;
     s.shear_y = slope_of(d[y], length, towards) * -FROM_DEPTH;
@@ -93,39 +105,32 @@ typedef struct {
 } Edges8;
 
 #if FLUSHES_DENORMALS
-// What enlarges a triangle whose corners are up to `size` away from the ray, as shear_of scales a scene of that extent.
-ALWAYS_INLINE static float8 own_scale8(const float8 size)
+// Scales a triangle by what scale_of gives for its corner that is farthest from the ray.
+ALWAYS_INLINE static void enlarge8(Sheared8 *s)
 {
-    const float8 to_one = as_float8(0x7f000000 - (as_int8(size) & 0x7f800000));
-    return to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : (float8)(SCALE_MOST);
+    const float8 size_a = max8(abs8(s->ax), abs8(s->ay));
+    const float8 size_b = max8(abs8(s->bx), abs8(s->by));
+    const float8 own = scale_of8(max8(size_a, max8(size_b, max8(abs8(s->cx), abs8(s->cy)))));
+    s->ax *= own;
+    s->ay *= own;
+    s->bx *= own;
+    s->by *= own;
+    s->cx *= own;
+    s->cy *= own;
 }
+#endif
 
-ALWAYS_INLINE static void edges_of8(const Sheared8 s, Edges8 *e)
-{
-    const float8 size_a = max8(abs8(s.ax), abs8(s.ay));
-    const float8 size_b = max8(abs8(s.bx), abs8(s.by));
-    const float8 own = own_scale8(max8(size_a, max8(size_b, max8(abs8(s.cx), abs8(s.cy)))));
-    const float8 ax = s.ax * own;
-    const float8 ay = s.ay * own;
-    const float8 bx = s.bx * own;
-    const float8 by = s.by * own;
-    const float8 cx = s.cx * own;
-    const float8 cy = s.cy * own;
-    e->u = difference_of_products8(cx, by, cy, bx);
-    e->v = difference_of_products8(ax, cy, ay, cx);
-    e->w = difference_of_products8(bx, ay, by, ax);
-    e->sum = (e->u + e->v) + e->w;
-}
-#else
 // By pointer: a structure that an inlined function returns leaves marks that Oclgrind does not know.
-ALWAYS_INLINE static void edges_of8(const Sheared8 s, Edges8 *e)
+ALWAYS_INLINE static void edges_of8(Sheared8 s, Edges8 *e)
 {
+#if FLUSHES_DENORMALS
+    enlarge8(&s);
+#endif
     e->u = difference_of_products8(s.cx, s.by, s.cy, s.bx);
     e->v = difference_of_products8(s.ax, s.cy, s.ay, s.cx);
     e->w = difference_of_products8(s.bx, s.ay, s.by, s.ax);
     e->sum = (e->u + e->v) + e->w;
 }
-#endif
 
 ALWAYS_INLINE static int8 inside_edges8(const Edges8 e)
 {
@@ -185,21 +190,6 @@ static uint triangles_met8(global const Block *block, const Shear s, const float
     return sheared_met8(v, (float8)(limit), depth);
 }
 
-#if FLUSHES_DENORMALS
-// edges_of8 for one triangle.
-static float3 edges_of_own_size(const float ax, const float ay, const float bx, const float by, const float cx,
-                                const float cy)
-{
-    const float size_a = max_of(abs_of(ax), abs_of(ay));
-    const float size_b = max_of(abs_of(bx), abs_of(by));
-    const float to_one = scale_to_one(max_of(size_a, max_of(size_b, max_of(abs_of(cx), abs_of(cy)))));
-    const float own = to_one < SCALE_MOST / SCALED_EXTENT ? to_one * SCALED_EXTENT : SCALE_MOST;
-    return (float3)(difference_of_products(cx * own, by * own, cy * own, bx * own),
-                    difference_of_products(ax * own, cy * own, ay * own, cx * own),
-                    difference_of_products(bx * own, ay * own, by * own, ax * own));
-}
-#endif
-
 // The same for one triangle whose vertices' components are already in the order of the shear's axes: edge functions in
 // xyz, scaled depth in w.
 static float4 triangle_edges(const Shear s, const float3 a, const float3 b, const float3 c)
@@ -207,23 +197,27 @@ static float4 triangle_edges(const Shear s, const float3 a, const float3 b, cons
     const float az = fma_of(a.z, s.scale_z, s.shift.z);
     const float bz = fma_of(b.z, s.scale_z, s.shift.z);
     const float cz = fma_of(c.z, s.scale_z, s.shift.z);
-    const float ax = fma_of(az, s.shear_x, fma_of(a.x, s.scale, s.shift.x));
-    const float ay = fma_of(az, s.shear_y, fma_of(a.y, s.scale, s.shift.y));
-    const float bx = fma_of(bz, s.shear_x, fma_of(b.x, s.scale, s.shift.x));
-    const float by = fma_of(bz, s.shear_y, fma_of(b.y, s.scale, s.shift.y));
-    const float cx = fma_of(cz, s.shear_x, fma_of(c.x, s.scale, s.shift.x));
-    const float cy = fma_of(cz, s.shear_y, fma_of(c.y, s.scale, s.shift.y));
+    float ax = fma_of(az, s.shear_x, fma_of(a.x, s.scale, s.shift.x));
+    float ay = fma_of(az, s.shear_y, fma_of(a.y, s.scale, s.shift.y));
+    float bx = fma_of(bz, s.shear_x, fma_of(b.x, s.scale, s.shift.x));
+    float by = fma_of(bz, s.shear_y, fma_of(b.y, s.scale, s.shift.y));
+    float cx = fma_of(cz, s.shear_x, fma_of(c.x, s.scale, s.shift.x));
+    float cy = fma_of(cz, s.shear_y, fma_of(c.y, s.scale, s.shift.y));
 #if FLUSHES_DENORMALS
-    const float3 edges = edges_of_own_size(ax, ay, bx, by, cx, cy);
-    const float u = edges.x;
-    const float v = edges.y;
-    const float w = edges.z;
-#else
+    const float size_a = max_of(abs_of(ax), abs_of(ay));
+    const float size_b = max_of(abs_of(bx), abs_of(by));
+    const float own = scale_of(max_of(size_a, max_of(size_b, max_of(abs_of(cx), abs_of(cy)))));
+    ax *= own;
+    ay *= own;
+    bx *= own;
+    by *= own;
+    cx *= own;
+    cy *= own;
+#endif
     const float u = difference_of_products(cx, by, cy, bx);
     const float v = difference_of_products(ax, cy, ay, cx);
     const float w = difference_of_products(bx, ay, by, ax);
-#endif
-    return (float4)(u, v, w, az + fma_of(LESSENED(v), bz - az, LESSENED(w) * (cz - az)) / LESSENED(((u + v) + w)));
+    return (float4)(u, v, w, az + fma_of(LESSENED(v), bz - az, LESSENED(w) * (cz - az)) / LESSENED((u + v) + w));
 }
 
 // The function that every variant of the traversal ends in: scaled depth; u, v weigh vertices b and c.

@@ -63,6 +63,7 @@ static float largest3(const float3 v) { return max_of(v.x, max_of(v.y, v.z)); }
 
 // A power of two that brings x, from 2^-126 to below 2^127, into [1, 2). Multiplying by it is exact.
 static float scale_to_one(const float x) { return float_of(0x7f000000u - (bits_of(x) & 0x7f800000u)); }
+static float8 scale_to_one8(const float8 x) { return as_float8(0x7f000000u - (as_uint8(x) & 0x7f800000u)); }
 
 // The power of two at or below x > 0: the reciprocal of scale_to_one.
 static float power_below(const float x) { return float_of(bits_of(x) & 0x7f800000u); }

@@ -114,8 +114,6 @@ static float8 exact_if_cancelled8(const float8 plain, const float8 limit, const 
     return cancelled == 0u ? plain : sums_taken_exactly(plain, cancelled, a, b);
 }
 
-static float8 scale_to_one8(const float8 x) { return as_float8(0x7f000000u - (as_uint8(x) & 0x7f800000u)); }
-
 static Vector8 renormalize8(const Vector8 v) { return scale8(v, 1.5f - 0.5f * dot8(v, v)); }
 
 // Whether all squares of lengths are where neither length nor unit vector needs care.
