@@ -19,6 +19,7 @@ typedef struct {
 #define CLAMP_ARGUMENTS , const float clamp_direct, const float clamp_indirect, global float4 *cut
 #define CLAMPS , clamp_direct, clamp_indirect, cut
 #define BOUNDS_ARGUMENT , const Bounds bounds
+#define BOUNDS_TAKEN , bounds
 #define BOUNDS_GIVEN , bounds_of(clamp_direct, clamp_indirect, cut)
 #define BOUNDS_OF(shading) , (shading)->bounds
 
@@ -34,6 +35,7 @@ static Bounds bounds_of(const float direct, const float indirect, global float4 
 #define CLAMP_ARGUMENTS
 #define CLAMPS
 #define BOUNDS_ARGUMENT
+#define BOUNDS_TAKEN
 #define BOUNDS_GIVEN
 #define BOUNDS_OF(shading)
 #endif
@@ -74,4 +76,10 @@ static void arrive(global float4 *samples, const uint words, const float4 light 
 #else
     samples[words] += light;
 #endif
+}
+
+// The same of a lamp's light that asked whether it arrives (w: its words), of which `share` does.
+static void arrive_from_lamp(global float4 *samples, const float4 light, const float share BOUNDS_ARGUMENT)
+{
+    arrive(samples, bits_of(light.w), make4(xyz(light) * share, 0.0f) BOUNDS_TAKEN);
 }

@@ -28,8 +28,7 @@ static COMPILED_ONCE void shadow_span(const Geometry *geometry MASKS_ARGUMENT,
 #if HAS_OPACITY
         const float share = share_unblocked(g, extent, objects, materials, shadow_rays[slot]);
         if (share > 0.0f) {
-            const float4 light = shadow_light[slot];
-            arrive(samples, bits_of(light.w), make4(xyz(light) * share, 0.0f) BOUNDS_GIVEN);
+            arrive_from_lamp(samples, shadow_light[slot], share BOUNDS_GIVEN);
         }
 #else
 #if DEVICE_GPU
@@ -42,8 +41,7 @@ static COMPILED_ONCE void shadow_span(const Geometry *geometry MASKS_ARGUMENT,
         const int met = any_of_batch(g, extent, &batch, k, shadow_rays + slot);
 #endif
         if (!met) {
-            const float4 light = shadow_light[slot];
-            arrive(samples, bits_of(light.w), make4(xyz(light), 0.0f) BOUNDS_GIVEN);
+            arrive_from_lamp(samples, shadow_light[slot], 1.0f BOUNDS_GIVEN);
         }
 #endif
     }

@@ -41,8 +41,7 @@ static COMPILED_ONCE void shadow_list_span(const Geometry *geometry, const List 
             const float share = met ? 0.0f : 1.0f;
 #endif
             if (share > 0.0f) {
-                const float4 light = shadow_light[slot];
-                arrive(samples, bits_of(light.w), make4(xyz(light) * share, 0.0f) BOUNDS_GIVEN);
+                arrive_from_lamp(samples, shadow_light[slot], share BOUNDS_GIVEN);
             }
         }
     }

@@ -18,15 +18,13 @@ static COMPILED_ONCE void shadow_packet_span(const Geometry *geometry MASKS_ARGU
     trace_packet(g, &p, queue + begin, size, shadow_rays, 1);
     for (uint i = 0u; i < size; i++) {
         if (!packet_met(&p, i)) {
-            const float4 light = shadow_light[queue[begin + i]];
-            arrive(samples, bits_of(light.w), make4(xyz(light), 0.0f) BOUNDS_GIVEN);
+            arrive_from_lamp(samples, shadow_light[queue[begin + i]], 1.0f BOUNDS_GIVEN);
         }
 #if HAS_OPACITY
         else {
             const uint slot = queue[begin + i];
             const float share = share_unblocked(g, geometry_extent(g), objects, materials, shadow_rays[slot]);
-            const float4 light = shadow_light[slot];
-            arrive(samples, bits_of(light.w), make4(xyz(light) * share, 0.0f) BOUNDS_GIVEN);
+            arrive_from_lamp(samples, shadow_light[slot], share BOUNDS_GIVEN);
         }
 #endif
     }
