@@ -25,6 +25,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "host"))
 
+from raytide.bench.doubts import ADVICE, flags_of  # noqa: E402
 from raytide.bench.files import load_result  # noqa: E402
 from raytide.bench.record import SUITE_VERSION  # noqa: E402
 from raytide.bench.score import FILE, reference_table  # noqa: E402
@@ -92,8 +93,8 @@ def refusals(result: dict[str, Any]) -> list[str]:
 def unknown(runs: list[dict[str, Any]]) -> list[str]:
     """Which rates these runs of one suite do not tell to 3 %, and why."""
     if len(runs) < ENOUGH:
-        return [f"{row['id']} is {word}; run it again, or {ENOUGH} times" for one in runs for row in one["workloads"]
-                for word in ("disturbed", "unstable") if (row.get("summary") or {}).get(word)]  # fmt: skip
+        return [f"{row['id']} is {flag}; run it again, or {ENOUGH} times" for one in runs for row in one["workloads"]
+                for flag in flags_of(row) if flag in ADVICE]  # fmt: skip
     errors = {name: median_error(rates_of(runs, name)) for name in WORKLOADS}
     return [f"{name} is known to {100 * error:.1f} % from {len(runs)} runs; wanted {100 * KNOWN:.0f} %"
             for name, error in errors.items() if error > KNOWN]  # fmt: skip

@@ -22,7 +22,7 @@ import numpy as np
 
 import raytide as rt
 from raytide.device import Device, open_device
-from raytide.image.metrics import EPSILON_SHARE
+from raytide.image.metrics import relmse
 
 CHOICES = ("uniform", "power", "tree")
 SIDE, LOW, HIGH = 100.0, 1.0, 4.0  # half of the floor's side and the lamps' heights [m]
@@ -63,8 +63,7 @@ class Renders:
 
     def errors(self, truth: np.ndarray) -> np.ndarray:
         """relMSE of each against `truth`."""
-        weight = 1.0 / (truth**2 + (EPSILON_SHARE * truth.mean()) ** 2)
-        return np.array([np.mean((one - truth) ** 2 * weight) for one in self.pictures])
+        return np.array([relmse(one, truth).value for one in self.pictures])
 
 
 def measure(device: Device, scene: rt.Scene, spp: int, renders: int) -> tuple[dict[str, Renders], np.ndarray]:

@@ -67,6 +67,12 @@ def nearest(word: str, candidates: Sequence[str]) -> str | None:
     return f"did you mean {found[0]!r}?" if found else None
 
 
+def wanted_of(word: str, known: Sequence[str]) -> str:
+    """`wanted one of a, b; did you mean 'b'?`: all that `word`, which is none of them, could have been."""
+    hint = nearest(word, known)
+    return f"wanted one of {', '.join(known)}" + (f"; {hint}" if hint else "")
+
+
 def list_words(names: Sequence[str], limit: int = 12) -> str:
     """`one of a, b, c`, shortened."""
     if not names:

@@ -7,7 +7,7 @@ from typing import Any
 
 from raytide.bench.compare import Comparison, unit
 from raytide.bench.doubts import ADVICE, flags_of
-from raytide.bench.score import EDITED, score_line
+from raytide.bench.score import EDITED_OUTCOME, score_line
 from raytide.bench.sections import HOW_TO_READ, millions, parts_of, points_of
 from raytide.bench.show import figure as text_figure
 from raytide.bench.workloads import WORKLOADS
@@ -22,7 +22,7 @@ def result_page(result: dict[str, Any]) -> str:
     """One result, for someone who has never seen the tool."""
     device = result["device"] or {}
     line = score_line(result.get("score"), result["workloads"])
-    outcome = f"{EDITED}: no score" if result.get("edited") else f"{line or 'no score'}; {result['verification']}"
+    outcome = EDITED_OUTCOME if result.get("edited") else f"{line or 'no score'}; {result['verification']}"
     lead = f"{device.get('name', result['device_id'])}: {outcome}"
     return page(f"raytide bench: {result['device_id']}", *parts_of(result), lead=lead)
 
@@ -80,7 +80,7 @@ def rank(result: dict[str, Any]) -> tuple[bool, float]:
 def status_of(result: dict[str, Any]) -> str:
     """What a reader of a summary must know of a result."""
     if result.get("edited"):
-        return f"{EDITED}: no score"
+        return EDITED_OUTCOME
     rows = result["workloads"]
     bad = sorted({one["status"] for one in rows} - {"ok"})
     return ", ".join([*(bad or ["ok"]), *(flag for flag in ADVICE if any(flag in flags_of(one) for one in rows))])

@@ -15,6 +15,7 @@ from raytide.bench.workloads import WORKLOADS
 from raytide.report.summary import geometric_mean
 
 EDITED = "edited since it was written"  # a result file; then it has no score
+EDITED_OUTCOME = f"{EDITED}: no score"
 FILE = Path(__file__).with_name("reference_rates.json")
 NAMES = {"full": "Score", "quick": "Quick score"}
 STUDENT = {2: 12.71, 3: 4.303, 4: 3.182, 5: 2.776}  # 97.5 % points of t by the number of visits

@@ -10,7 +10,7 @@ import numpy as np
 
 from raytide.bench.clocks import clocks_section
 from raytide.bench.pictures import FULL_SCALE
-from raytide.bench.score import EDITED, interval_line, score_line
+from raytide.bench.score import EDITED_OUTCOME, interval_line, score_line
 from raytide.bench.show import figure as text_figure
 from raytide.bench.show import measurements, remark
 from raytide.report.page import (
@@ -109,7 +109,7 @@ def device_facts(result: dict[str, Any]) -> dict[str, object]:
         "compute units (as the driver says)": device.get("compute_units"),
         "suite": f"{result['suite']} {result['tool']['suite_version']}",
         "class": "not known" if edited else result["class"] + shipped,
-        "score": grade(f"{EDITED}: no score" if edited else line or "none", bool(line)),
+        "score": grade(EDITED_OUTCOME if edited else line or "none", bool(line)),
         "by its noise and its visits": interval_line(result.get("score")) or "not known",
         "measured": f"{result['created_utc']}, {result['duration_s']:.0f} s",
         "problems": "; ".join(result["problems"]) or "none",

@@ -8,7 +8,7 @@ import statistics
 from typing import Any
 
 from raytide.bench.doubts import flags_of
-from raytide.bench.score import EDITED, interval_line, score_line, standing
+from raytide.bench.score import EDITED, EDITED_OUTCOME, interval_line, score_line, standing
 
 _WORDS = ("", "LIMITED BY")  # heads of columns of words
 PREFIXES = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"))
@@ -224,7 +224,7 @@ def scramble_table(workloads: list[dict[str, Any]]) -> str:
 def verdict(result: dict[str, Any]) -> str:
     """The last line: the score, or why there is none."""
     if result.get("edited"):
-        return f"{EDITED}: no score"
+        return EDITED_OUTCOME
     score = result.get("score")
     line, doubt = score_line(score, result["workloads"]), interval_line(score)
     if line:

@@ -25,7 +25,7 @@ from raytide.cli.replicates import (
     slice_spp,
 )
 from raytide.cli.signals import Interrupted, StopOnSignal
-from raytide.errors import UsageError, nearest
+from raytide.errors import UsageError, wanted_of
 
 if TYPE_CHECKING:
     from raytide.report.convergence import Truth
@@ -96,9 +96,7 @@ def check_precisions(names: Iterable[str]) -> None:
     known = (EXACT, *VARIANTS)
     for name in names:
         if name not in known:
-            hint = nearest(name, known)
-            wanted = f"wanted one of {', '.join(known)}" + (f"; {hint}" if hint else "")
-            raise UsageError(f"--vary precision: came {name!r}; {wanted}")
+            raise UsageError(f"--vary precision: came {name!r}; {wanted_of(name, known)}")
 
 
 def every(plans: list[Plan], reference: Path | None, reference_spp: int | None, start_runs: int, output: Path,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import raytide
 from raytide.cli import COMMAND_WORDS, OTHER_VARIABLES, PREFIX
-from raytide.errors import RaytideError
+from raytide.errors import RaytideError, wanted_of
 
 if TYPE_CHECKING:
     from cyclopts import App, CycloptsError
@@ -71,11 +71,7 @@ def run(words: list[str]) -> int:
         app.help_print([], console=people())
         return 2
     if not words[0].startswith("-") and words[0] not in COMMANDS:  # cyclopts would load every command to say this
-        from raytide.scene.describe import nearest
-
-        hint = nearest(words[0], list(COMMANDS))
-        wanted = f"wanted one of {', '.join(COMMANDS)}" + (f"; {hint}" if hint else "")
-        return failed(f"came the unknown command {words[0]!r}; {wanted}", 2, words)
+        return failed(f"came the unknown command {words[0]!r}; {wanted_of(words[0], list(COMMANDS))}", 2, words)
     warn_of_variables(words)
     try:
         result = app(words, exit_on_error=False, print_error=False)

@@ -72,24 +72,27 @@ def told_bias(header: Mapping[str, object]) -> str | None:
 
 def bounds_of(render: RenderSettings) -> tuple[np.float32, np.float32] | None:
     """The bounds as kernels take them, direct and indirect; None where there is none."""
-    if not render.is_clamped:
+    asked = _asked(render)
+    if not asked:
         return None
-    direct, indirect = (math.inf if one is None else one for one in (render.clamp_direct, render.clamp_indirect))
-    return np.float32(direct), np.float32(indirect)
+    return np.float32(asked.get("clamp_direct", math.inf)), np.float32(asked.get("clamp_indirect", math.inf))
+
+
+def _asked(render: RenderSettings) -> dict[str, float]:
+    """The bounds that were asked for, by key."""
+    given = {"clamp_direct": render.clamp_direct, "clamp_indirect": render.clamp_indirect}
+    return {key: value for key, value in given.items() if value is not None}
 
 
 def check_clamp(flat: FlatScene) -> None:
     """Raises SceneError where samples cannot be clamped."""
-    render = flat.render
-    for key in ("clamp_direct", "clamp_indirect"):
-        value = getattr(render, key)
-        if value is not None and render.integrator != "path":
-            raise SceneError([Problem(f"render.{key}", f"{value:g} with integrator {render.integrator}",
-                                      "integrator path")])  # fmt: skip
+    integrator = flat.render.integrator
+    for key, value in _asked(flat.render).items():
+        if integrator != "path":
+            raise SceneError([Problem(f"render.{key}", f"{value:g} with integrator {integrator}", "integrator path")])
 
 
 def refuse_clamped(render: RenderSettings, what: str) -> None:
     """Raises UsageError where `what` would be biased."""
-    for key in ("clamp_direct", "clamp_indirect"):
-        if (value := getattr(render, key)) is not None:
-            raise UsageError(f"render.{key}: came {value:g} for {what}, which must not be biased; wanted none")
+    for key, value in _asked(render).items():
+        raise UsageError(f"render.{key}: came {value:g} for {what}, which must not be biased; wanted none")

@@ -124,12 +124,11 @@ class Film:
         """Layers beside the picture by their names, or the one of that name; of a clamped one also `cut` (h, w, 3), the
         radiance that it lost. UsageError lists the names for an unknown one."""
         names = names_given(names, "layers", "albedo")
-        known: dict[str, np.ndarray] = {"samples": self.samples, "variance": self.variance}
-        if self.data.cut:
-            known["cut"] = self.data.cut.means
+        cut = {"cut": self.data.cut.means} if self.data.cut else {}
         for name in names:
-            if name not in (*LAYERS, *known):
-                raise UsageError(f"layer: came {name!r}; wanted one of {', '.join((*LAYERS, *list(known)[2:]))}")
+            if name not in (*LAYERS, *cut):
+                raise UsageError(f"layer: came {name!r}; wanted one of {', '.join((*LAYERS, *cut))}")
+        known: dict[str, np.ndarray] = {"samples": self.samples, "variance": self.variance, **cut}
         if any(name not in known for name in names):
             known |= self.read_layers()
         return {name: known[name] for name in names}

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from raytide.device import Device, open_device
-from raytide.errors import SceneError, UsageError, nearest
+from raytide.errors import SceneError, UsageError, wanted_of
 from raytide.render import Film, Renderer
 from raytide.render.limits import MOST_SPP
 from raytide.report.convergence import Point, Truth
@@ -102,9 +102,7 @@ def variants_of(vary: Sequence[str], device: str | None = None) -> tuple[Variant
         key, equals, values = word.partition("=")
         listed = [value.strip() for value in values.split(",") if value.strip()]
         if key not in known:
-            hint = nearest(key, known)
-            wanted = f"wanted one of {', '.join(known)}" + (f"; {hint}" if hint else "")
-            raise UsageError(f"--vary {word}: came the key {key!r}; {wanted}")
+            raise UsageError(f"--vary {word}: came the key {key!r}; {wanted_of(key, known)}")
         if not equals or not listed or len(set(listed)) < len(listed):
             raise UsageError(f"--vary {word}: came no list of different values; wanted, for example, {key}=A,B")
         if any(key == axis[0][0] for axis in axes):
