@@ -83,8 +83,6 @@ def test_lookat_gives_origin_aim_and_up(tmp_path: Path) -> None:
     turn = '<transform name="to_world"><lookat origin="1,2,3" target="1,2,-4" up="0,3,1"/></transform>'
     frame = loaded(tmp_path, sensor=sensor(turn)).camera.frame()
     assert np.allclose(frame, [(1, 0, 0), (0, 1, 0), (0, 0, -1)])
-    mirrored = '<transform name="to_world"><scale x="-1"/></transform>'
-    assert "mirrors" in str(problems_of(tmp_path, sensor=sensor(mirrored))[0])
     scaled = '<transform name="to_world"><scale value="2"/></transform>'
     assert "scales" in str(problems_of(tmp_path, sensor=sensor(scaled))[0])
 
@@ -95,8 +93,27 @@ def test_orthographic_film_is_two_units_wide(tmp_path: Path) -> None:
     camera = loaded(tmp_path, sensor=sensor(turn, 200, 120, "orthographic")).camera
     assert camera.height == pytest.approx(2 * 1.5 * 120 / 200)  # type: ignore[attr-defined]
     assert np.allclose(camera.frame()[2], np.array([5, 0, -2]) / math.sqrt(29))
+    assert camera.width is None  # type: ignore[attr-defined]
+
+
+def test_orthographic_film_may_be_stretched(tmp_path: Path) -> None:
+    """A window of 50 x 60 pixels out of 200 x 120: a quarter of the width, half of the height."""
     uneven = '<transform name="to_world"><scale x="2" y="3"/></transform>'
-    assert "same factor" in str(problems_of(tmp_path, sensor=sensor(uneven, kind="orthographic"))[0])
+    crop = "".join(f'<integer name="crop_{name}" value="{value}"/>' for name, value in (("width", 50), ("height", 60)))
+    camera = loaded(tmp_path, sensor=sensor(uneven, 200, 120, "orthographic", crop)).camera
+    assert camera.height == pytest.approx(2 * 3 * 120 / 200 / 2)  # type: ignore[attr-defined]
+    assert camera.width == pytest.approx(2 * 2 / 4)  # type: ignore[attr-defined]
+    sheared = '<transform name="to_world"><matrix value="1 1 0 0 1 0 0 0 1"/></transform>'
+    assert "shear" in str(problems_of(tmp_path, sensor=sensor(sheared, kind="orthographic"))[0])
+
+
+@pytest.mark.parametrize(("scale", "right", "up"), [('x="-1"', 1, 1), ('y="-1"', -1, -1), ('z="-1"', -1, 1)])
+def test_negative_scales_mirror_the_picture(scale: str, right: int, up: int, tmp_path: Path) -> None:
+    """Mitsuba's pictures have its camera's +x to the left and +y above, wherever these point."""
+    turn = f'<transform name="to_world"><scale {scale}/></transform>'
+    for kind in ("perspective", "orthographic"):
+        camera = loaded(tmp_path, sensor=sensor(turn, kind=kind)).camera
+        assert np.allclose(camera.frame(), [(right, 0, 0), (0, up, 0), (0, 0, -1 if "z" in scale else 1)])
 
 
 def test_thin_lens(tmp_path: Path) -> None:
