@@ -193,6 +193,7 @@ class Waves:
         items = groups.count * TILE if groups else tiles * TILE * samples
         extra = groups.buffers if groups else ()
 
+        self.trial.samples = samples
         if self.cut:
             self.device.fill(self.cut, 0)
 
@@ -258,11 +259,13 @@ class Waves:
         """Traces `count` rays by the variant of the traversal that is fastest for them."""
         geometry = self.scene.geometry(kind)
 
-        def launch(variant: Variant) -> None:
+        def launch(variant: Variant, begin: int, end: int) -> None:
             name = wave + variant.suffix
-            items, local = trace_launch(count, alone=not variant.together and self.device.kind == "gpu")
+            alone = not variant.together and self.device.kind == "gpu"
+            items, local = trace_launch(end - begin, alone)
             lists = self.scene.listed if variant.listed else ()
-            self.device.launch(self.programs[name], name, items, local, *geometry, *lists, *arguments, label=label)
+            self.device.launch(self.programs[name], name, items, local, *geometry, *lists, *arguments, label=label,
+                               first_item=begin if alone else begin // TILE)  # fmt: skip
 
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 
