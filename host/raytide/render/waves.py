@@ -240,8 +240,9 @@ class Waves:
     def _primary(self, extra: tuple[Buffer, ...], *numbers: int) -> None:
         """`numbers`: place in the queue, first item, items, first tile, first sample and samples of the chunk."""
         place, _, count = numbers[:3]
+        items, local = trace_launch(count, alone=self.device.kind == "gpu")
         self.device.launch(
-            self.programs["primary"], "primary", count, 64,
+            self.programs["primary"], "primary", items, local,
             self.scene.camera, self.settings, self.queues[0], *(np.uint32(x) for x in numbers),
             self.path_rays, self.throughput, self.paths, self.samples, *self.scatterings, *self._media, *extra,
             label="camera",
