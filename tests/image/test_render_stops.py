@@ -6,9 +6,9 @@ from itertools import count
 
 import numpy as np
 import pytest
-from fake_clock import WaveClock
 
 import raytide as rt
+from fake_clock import WaveClock
 from raytide.device import Device
 from raytide.errors import SceneError
 
