@@ -124,7 +124,9 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
 #if HAS_BLEND
     const Sampler sampler = sampler_for(settings, path.z, path.w);
     float end;
-    v.number = blended(g, materials, v.number, &v.surface, sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x, &end);
+    const int behind = dot3(xyz(ray.direction), v.surface.ng) > 0.0f;
+    const float choice = sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x;
+    v.number = blended(g, materials, v.number, &v.surface, behind, choice, &end);
 #endif
     global const Material *material = materials + v.number;
 #if HAS_COPIED
