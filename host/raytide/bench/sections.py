@@ -60,8 +60,8 @@ PICTURES = (
 PEAKS = "What the device does at best, each result checked. Kernels are held against these figures further below."
 BUILDS = "Trees of one terrain by each builder: triangles a second, and the cost of the tree (lower traces faster)."
 RAYS = (
-    "Fixed sets of rays through three scenes: camera rays (prim), diffuse bounces (diff), shadow rays (shad); with t "
-    "in the order of 8x8 tiles, in which raytide renders, else line by line."
+    "Fixed sets of rays through three scenes: camera rays (prim), what a mirror makes of them (refl), diffuse bounces "
+    "(diff), shadow rays (shad); with t in the order of 8x8 tiles, in which raytide renders, else line by line."
 )
 MODELLED = (
     "How near the tracing kernels come to the peaks above. Bytes and operations are modelled: visits that an "
