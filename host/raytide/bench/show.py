@@ -238,7 +238,9 @@ def verdict(result: dict[str, Any]) -> str:
 
 
 COLUMNS = ("part", "name", "status", "reason", "metric", "unit", "median", "mad", "min", "max", "n", "ci_low",
-           "ci_high", "cv", "unstable", "drifting")  # fmt: skip
+           "ci_high", "cv", "unstable", "drifting", "disturbed", "left_out", "samples_per_s",
+           "noise_1s_relmse")  # fmt: skip
+RUN = ("suite", "class", "created_utc", "run_id")  # of every row, so that files of several runs can be joined
 
 
 def csv_text(result: dict[str, Any]) -> str:
@@ -246,14 +248,14 @@ def csv_text(result: dict[str, Any]) -> str:
     edited = EDITED if result.get("edited") else ""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(("device", *COLUMNS))
+    writer.writerow(("device", *COLUMNS, *RUN))
     for part, name, one in measurements(result):
         summary = one.get("summary") or {}
         low, high = summary.get("ci95", ("", ""))
         reason = "; ".join(filter(None, (edited, one["reason"])))
         values = [part, name, one["status"], reason, *(summary.get(key, "") for key in COLUMNS[4:11]), low, high,
                  *(summary.get(key, "") for key in COLUMNS[13:])]  # fmt: skip
-        writer.writerow((result["device_id"], *values))
+        writer.writerow((result["device_id"], *values, *(result[key] for key in RUN)))
     return out.getvalue()
 
 
