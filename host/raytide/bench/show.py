@@ -7,7 +7,7 @@ import io
 import statistics
 from typing import Any
 
-from raytide.bench.doubts import flags_of
+from raytide.bench.doubts import CLOSE, flags_of
 from raytide.bench.score import EDITED, EDITED_OUTCOME, interval_line, score_line, standing
 
 _WORDS = ("", "LIMITED BY")  # heads of columns of words
@@ -217,8 +217,15 @@ def scramble_table(workloads: list[dict[str, Any]]) -> str:
     for one in workloads:
         if found := one.get("scramble"):
             interval = "{:.3f} to {:.3f}".format(*found["ci95"])
-            rows.append([one["id"], f"{found['ratio']:.3f}", interval, "yes" if found["same"] else "NO"])
+            rows.append([one["id"], f"{found['ratio']:.3f}", interval, within_words(found)])
     return aligned(["SCRAMBLED", "OVER PLAIN", "95 %", "WITHIN 3 %"], rows) if rows else ""
+
+
+def within_words(found: dict[str, Any]) -> str:
+    """Whether a disguised rate is within the bound: only an interval that lies on one side of it is certain."""
+    low, high = found["ci95"]
+    certain = low >= 1 - CLOSE and high <= 1 + CLOSE
+    return ("yes" if certain else "not certain") if found["same"] else "NO"
 
 
 def verdict(result: dict[str, Any]) -> str:
