@@ -164,8 +164,8 @@ def score_ratio(old: dict[str, Any], new: dict[str, Any]) -> float | None:
     scores = [one.get("score") or {} for one in (old, new) if not one.get("edited")]
     if len(scores) < 2 or any(scores[0].get(key) != scores[1].get(key) for key in ("name", "reference_table")):
         return None
-    values = [one.get("value") for one in scores]
-    return float(values[1] / values[0]) if None not in values else None
+    before, after = (one.get("value") for one in scores)
+    return float(after / before) if before and after else None
 
 
 def why_not(old: dict[str, Any] | None, new: dict[str, Any], force: bool) -> str | None:
