@@ -123,10 +123,8 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.number = objects[v.surface.object].material;
 #if HAS_BLEND
     const Sampler sampler = sampler_for(settings, path.z, path.w);
-    float end;
-    const int behind = dot3(xyz(ray.direction), v.surface.ng) > 0.0f;
-    const float choice = sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x;
-    v.number = blended(g, materials, v.number, &v.surface, behind, choice, &end);
+    float end, share = sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x;
+    v.number = blended(g, materials, v.number, &v.surface, xyz(ray.direction), share, &end);
 #endif
     global const Material *material = materials + v.number;
 #if HAS_COPIED
