@@ -98,6 +98,9 @@ def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own for what trials find, and launches of any size that count."""
     monkeypatch.setattr(trial, "FileCache", lambda kind: FileCache(kind, tmp_path))
     monkeypatch.setattr(trial, "FEWEST_RAYS", 64)
+    monkeypatch.setattr(trial, "FEWEST_SAMPLES", 1)
+    monkeypatch.setattr(trial, "PART", 256)
+    monkeypatch.setattr(trial, "ROUNDS", 3)
     monkeypatch.setattr(later, "ENOUGH", 0)  # renders of any length have all variants
     return tmp_path / "traversal"
 
