@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,7 +97,10 @@ def test_scenes_that_cannot_be_listed_are_traced_ray_by_ray(device: Device, way:
 
 @pytest.fixture
 def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of its own for what trials find, and launches of any size that count."""
+    """A folder of its own for what trials find, launches of any size that count, and a clock by which each takes a
+    tenth of a millisecond: on a busy machine a trial's time may be over before its launches are."""
+    looks = count()
+    monkeypatch.setattr(trial, "time", SimpleNamespace(perf_counter=lambda: 1e-4 * next(looks)))
     monkeypatch.setattr(trial, "FileCache", lambda kind: FileCache(kind, tmp_path))
     monkeypatch.setattr(trial, "FEWEST_RAYS", 64)
     monkeypatch.setattr(later, "ENOUGH", 0)  # renders of any length have all variants
