@@ -36,7 +36,7 @@ def test_stdout_holds_the_files_and_stderr_the_rest(
     out, err = capsys.readouterr()
     assert out.splitlines() == ["deep/a.exr", "b.png"]
     assert err.splitlines() == [
-        "raytide: 20x10, 8 spp in 4.00 s, 1.5 Mrays/s, estimated error 1 %, ended by spp on fake/0"
+        "raytide: 20x10, 8 spp in 4.00 s, 1.5 Mrays/s, estimated error 1 % (0.8-1.2 %), ended by spp on fake/0"
     ]
     assert Path("deep/a.exr").read_text().startswith("(8, ")
     assert fake.opened[0].closed

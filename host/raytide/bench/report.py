@@ -40,6 +40,7 @@ def comparison_page(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
         body.append(section(
             f"{name} against {names[0]}",
             paragraph(warning) if warning else None,
+            facts(dict(zip((f"score of {names[0]}", f"score of {name}"), found.scores, strict=True))),
             facts({what: f"{old} | {new}" for what, old, new in found.differences}),
             bars([f"{r.part} {r.name}" for r in found.rows], [r.ratio for r in found.rows], "new / old",
                  [r.low for r in found.rows], [r.high for r in found.rows], width=760),
