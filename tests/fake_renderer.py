@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 import pytest
 
+from raytide.cli import progress
 from raytide.cli import render as command
 from raytide.render.error import ErrorEstimate
 from raytide.render.limits import History, Row, limits_of
@@ -47,7 +48,7 @@ class FakeFilm:
         self.stats: dict[str, Any] = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01}
         self.stats["device"] = "fake/0"
         self.faults: dict[str, int] = {"direct[1] negative": 2, "sky[3] non_finite": 7}
-        self.bias = None
+        self.bias = self.tile_errors = None
         self.error = ErrorEstimate(1e-4, 0.64e-4, 1.44e-4, 0.1, 1.0, lambda: np.zeros((10, 20, 3)))
 
     def save(self, path: Path, **options: Any) -> None:
@@ -115,6 +116,7 @@ def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
     (tmp_path / "scene.toml").write_text(SCENE)
     monkeypatch.setattr(command, "open_renderer", open_fake)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: 0.0))  # a busy machine adds no lines
     for name in ("pause_s", "excluded", "warned", "error"):
         monkeypatch.setattr(FakeRenderer, name, getattr(FakeRenderer, name))
     monkeypatch.setattr(FakeRenderer, "opened", [])

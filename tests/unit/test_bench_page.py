@@ -10,6 +10,7 @@ import pytest
 
 from bench_cases import RESULTS
 from raytide.bench.kernel_sections import kernels_sections, lone, roof, share_rows
+from raytide.bench.report import status_of, summary_page
 from raytide.bench.sections import left_out_rows, parts_of
 
 STORED = next(path for path in RESULTS if path.name == "pocl-wheel.bench.json")
@@ -58,3 +59,16 @@ def test_a_page_names_every_part_that_is_missing_and_why() -> None:
                      f"renders {result['workloads'][2]['id']}": "rays of another number"}  # fmt: skip
     page = "".join(map(str, parts_of(result)))
     assert "Left out" in page and "crashed with signal 11" in page
+
+
+def test_a_summary_tells_of_parts_that_failed_and_draws_no_empty_plot() -> None:
+    result = stored()
+    assert status_of(result) == "ok, unstable"
+    assert summary_page([result]).count("points</text>") == 1
+    result["build"] |= {"status": "error", "reason": "why"}
+    assert status_of(result).startswith("error")
+    only = {**stored(), "workloads": [], "score": None, "peaks": None, "rays": None}
+    for row in only["build"]["rows"]:
+        row["summary"]["disturbed"] = True
+    assert status_of(only) == "ok, disturbed, unstable"
+    assert "points</text>" not in summary_page([only]), "nothing has a score"

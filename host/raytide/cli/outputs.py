@@ -41,6 +41,8 @@ def write_report(job: Job, renderer: Renderer) -> None:
 
     assert job.report is not None
     report = renderer.report()
+    tiles = renderer.film.tile_errors
+    report["tiles"] = tiles.as_dict() if tiles else None
     report["times_s"] = {**job.times, **report.get("times_s", {})}
     if job.coherence:
         from raytide.render.coherence import measure_coherence
