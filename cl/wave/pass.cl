@@ -72,6 +72,9 @@ static int walk_on(const Shading *s, const Ray ray, const Hit hit, const uint4 p
         s->rays[slot] = flight.ray;
         s->throughput[slot] = flight.state;
         s->paths[slot] = (uint4)(path.x, (path.y & ~PATH_CAUSTIC) | PATH_DELTA, path.z, path.w);
+#if HAS_REGULARISED
+        s->paths[slot].y |= PATH_SCATTERED;
+#endif
         note_scattering(slot, flight.ray SCATTERINGS);
         s->status[item] = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
     }

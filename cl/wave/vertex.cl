@@ -39,7 +39,7 @@ typedef struct {
 #if HAS_MEASURED
     global const Material *tables;  // behind the records
 #endif
-    uint number;    // of the material
+    uint number;    // of the material, as the scene has it
     uint medium;    // absorbing material that the path came through: its number + 1; 0: none
 #if HAS_NESTED
     uint front;     // of a ranked boundary: body on its front side, as `medium`; behind is its own
@@ -126,7 +126,7 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     float end;
     v.number = blended(g, materials, v.number, &v.surface, sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x, &end);
 #endif
-    global const Material *material = materials + v.number;
+    global const Material *material = materials + RECORD_MET(v.number, path.y);
 #if HAS_COPIED
     v.material = textured_material(g, material, &v.surface);
 #else

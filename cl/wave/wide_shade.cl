@@ -104,6 +104,9 @@ static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const ui
 #if HAS_CAUSTICS
     const int8 marked = edge == 1u ? ~delta : delta & ((as_uint8(path.y) & PATH_CAUSTIC) != 0u);
     following.y = as_float8(words | (marked ? (uint8)(PATH_CAUSTIC) : (uint8)(0u)));
+#elif HAS_REGULARISED
+    const uint8 long_ago = as_uint8(path.y) & PATH_SCATTERED;
+    following.y = as_float8(words | (delta ? long_ago : (uint8)(PATH_SCATTERED)));
 #else
     following.y = as_float8(words);
 #endif
@@ -142,7 +145,8 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     const Rows8 path = rows_at((global const float4 *)s->paths, slot);
     const Rows8 state = rows_at(s->throughput, slot);
     const uint8 edge = as_uint8(path.y) & PATH_EDGES;
-    Vertices8 v = vertices_of(s->g, s->objects, s->materials, prim, hit, xyz8(direction), xyz8(state), lanes);
+    Vertices8 v = vertices_of(s->g, s->objects, s->materials, prim, hit, xyz8(direction), xyz8(state),
+                              lanes WORDS_OF(path));
 #if HAS_SKY
     const uint alone = held & ~v.lanes;
 #else
