@@ -134,12 +134,14 @@ def test_an_even_sky_stays_even_but_for_what_rough_facets_lose(device: Device, m
 
 @pytest.mark.parametrize("keys", [{}, {"priority": 2}, {"scattering": 0.3}])
 def test_the_insides_of_widened_bodies_are_entered_and_left(device: Device, keys: dict[str, Any]) -> None:
-    """A slab of coloured water over a floor: its absorption, under an even sky, is not another for rough faces."""
+    """Coloured water over a floor: its absorption, under an even sky, is not another for a rough surface. By priority
+    pitch in the water is not there."""
     scene = furnace()
     body = rt.Dielectric(1.3, absorption=(0.2, 0.5, 1.5), **keys)
-    scene.add(rt.box(min=(-3, -0.6, -3), max=(3, 0.1, 3)), body, name="slab")
-    if "priority" in keys:  # within another
-        scene.add(rt.box(min=(-2.9, -0.5, -2.9), max=(2.9, 0.3, 2.9)), rt.Dielectric(1.1, priority=1), name="air")
+    scene.add(rt.box(min=(-3, -0.9, -3), max=(3, 0.1, 3)), body, name="water")
+    if "priority" in keys:
+        pitch = rt.Dielectric(1.1, absorption=20.0, priority=1)
+        scene.add(rt.box(min=(-2.5, -0.5, -2.5), max=(2.5, -0.2, 2.5)), pitch, name="pitch")
     sharp, wide = film_of(device, scene), film_of(device, scene, regularise=True)
     np.testing.assert_allclose(wide.rgb.mean(axis=(0, 1)), sharp.rgb.mean(axis=(0, 1)), rtol=0.06)
 
