@@ -83,7 +83,7 @@ static uint words_onward(const uint words, const int delta, const uint medium)
 {
     const uint edges = (words & PATH_EDGES) + 1u;
 #if HAS_REGULARISED
-    const uint mark = delta ? words & PATH_SCATTERED : PATH_SCATTERED;
+    const uint mark = words & PATH_SCATTERED;
 #else
     const uint mark = edges == 2u ? (delta ? 0u : PATH_CAUSTIC) : (delta ? words & PATH_CAUSTIC : 0u);
 #endif

@@ -75,6 +75,9 @@ typedef struct {
 #if HAS_CAUSTICS
     float per_cosine;  // density of its direction over the cosine
 #endif
+#if HAS_REGULARISED
+    int scattered;     // by a lobe of many directions, whatever `delta` says of light sampling
+#endif
 } NextRay;
 
 // Absorption (Beer 1852) over a distance in the medium of that number.
@@ -333,6 +336,9 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     const BsdfSample bsdf = material_sample(material_of(v) TABLES(v->tables), v->wo, u);
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
+#if HAS_REGULARISED
+    out.scattered = (bsdf.flags & BSDF_DELTA) == 0u;
+#endif
     if (!(bsdf.pdf > 0.0f) || side != side) {
         out.valid = bsdf.pdf != bsdf.pdf || (bsdf.pdf > 0.0f && side != side);
         out.ray = no_way();

@@ -37,16 +37,13 @@ def bits(film: rt.Film) -> list[bytes]:
     return [np.ascontiguousarray(one).tobytes() for one in (*vars(film.data.sums).values(), film.data.differences)]
 
 
-def beside_a_mirror(shape: str, material: Any) -> rt.Scene:
-    """A floor about the origin under a lamp without size, seen from above; an upright mirror at x = 0.6."""
+def beside_a_mirror(material: Any) -> rt.Scene:
+    """A floor about the origin under a lamp without size, seen from above; an upright mirror at x = 0.6. All triangles,
+    so that vertices are shaded eight at once."""
     scene = rt.Scene(rt.Orthographic(origin=(0, 5, 0), target=(0, 0, 0), up=(0, 0, -1), height=0.02, size=(4, 4)))
     scene.render = rt.RenderSettings(max_depth=3, roulette_start=0, spp=1024)
-    if shape == "mesh":
-        scene.add(quad((0, 0, 0), (0, 0, 1), (1, 0, 0)), rt.Diffuse(0.5), name="floor")
-        scene.add(quad((0.6, 1, 0), (0, 0, 4), (0, 4, 0)), material, name="wall")
-    else:
-        scene.add(rt.rect(center=(0, 0, 0), u=(0, 0, 1), v=(1, 0, 0)), rt.Diffuse(0.5), name="floor")
-        scene.add(rt.rect(center=(0.6, 1, 0), u=(0, 0, 4), v=(0, 4, 0)), material, name="wall")
+    scene.add(quad((0, 0, 0), (0, 0, 1), (1, 0, 0)), rt.Diffuse(0.5), name="floor")
+    scene.add(quad((0.6, 1, 0), (0, 0, 4), (0, 4, 0)), material, name="wall")
     scene.add(rt.point((0, 0.8, 0), 1.0), name="bulb")
     return scene
 
@@ -56,11 +53,10 @@ def lit_by(lamp: tuple[float, float, float]) -> float:
     return 0.5 / np.pi * lamp[1] / float(np.dot(lamp, lamp)) ** 1.5
 
 
-@pytest.mark.parametrize("shape", ["mesh", "rectangle"])
-def test_what_a_mirror_sends_of_a_lamp_without_size_is_found(device: Device, shape: str) -> None:
+def test_what_a_mirror_sends_of_a_lamp_without_size_is_found(device: Device) -> None:
     """Its image lies behind the mirror, at x = 1.2. Paths of light that starts at a point meet it by chance never."""
     direct, mirrored = lit_by((0, 0.8, 0)), lit_by((1.2, 0.8, 0))
-    scene = beside_a_mirror(shape, rt.Mirror(0.9))
+    scene = beside_a_mirror(rt.Mirror(0.9))
     sharp, wide = film_of(device, scene), film_of(device, scene, regularise=True)
     assert sharp.rgb.mean() == pytest.approx(direct, rel=5e-3) and sharp.bias is None
     assert wide.rgb.mean() - sharp.rgb.mean() == pytest.approx(0.9 * mirrored, rel=0.1)
@@ -88,21 +84,17 @@ def test_a_caustic_of_glass_has_a_fifth_of_the_error(device: Device) -> None:
     assert many.rgb.mean() == pytest.approx(reference.mean(), rel=0.04)
 
 
-MIRRORS = {"mirror": rt.Mirror(0.9), "metal": rt.Conductor("gold")}
-
-
-@pytest.mark.parametrize("shape", ["mesh", "rectangle"])
-def test_what_the_camera_sees_by_mirrors_alone_changes_no_bit(device: Device, shape: str) -> None:
-    """Two mirrors that face each other, lamps and a sky: chains of reflections, of which none scatters."""
+def test_what_the_camera_sees_by_mirrors_alone_changes_no_bit(device: Device) -> None:
+    """Mirrors that face each other, half of them of triangles, a lamp and a sky: chains in which nothing scatters."""
     scene = rt.Scene(camera=rt.Camera(origin=(0, 0.4, 3), target=(0.3, 0, 0), fov=60, size=SIZE))
     scene.render = rt.RenderSettings(max_depth=8, spp=4)
-    for side, (name, material) in zip((-1.5, 1.5), MIRRORS.items(), strict=True):
-        make = quad if shape == "mesh" else rt.rect
-        scene.add(make((side, 0, 0), (0, 0, 2), (0, 2, 0)), material, name=name)
+    for name, high in (("a", -0.9), ("b", 0.9)):
+        scene.add(quad((-1.5, high, 0), (0, 0, 2), (0, 0.9, 0)), rt.Mirror(0.9), name=name)
+        scene.add(rt.rect(center=(1.5, -high, 0), u=(0, 0, 2), v=(0, 0.9, 0)), rt.Conductor("gold"), name=2 * name)
     scene.add(quad((0.2, 0, -1), (0.5, 0, 0), (0, 0.5, 0)), rt.Emit((3, 2, 1), two_sided=True), name="lamp")
     scene.add(rt.sky((0.3, 0.4, 0.5)), name="sky")
     film = film_of(device, scene, regularise=True)
-    assert film.bias is not None and film.bias.widened == ("metal", "mirror")[::-1]
+    assert film.bias is not None and film.bias.widened == ("a", "aa", "b", "bb")
     assert bits(film) == bits(film_of(device, scene))
 
 
@@ -117,33 +109,32 @@ def furnace(*materials: Any) -> rt.Scene:
     return scene
 
 
-@pytest.mark.parametrize(
-    "materials",
-    [
-        (rt.Mirror(1.0), rt.Dielectric(1.5), rt.RoughConductor(eta=1e-6, k=1000, roughness=0.02)),
-        (rt.Dielectric(1.5, priority=1), rt.Dielectric(1.3, priority=2), rt.Mirror(1.0)),
-        (rt.Dielectric(1.4, albedo=1.0, mean_free_path=0.2), rt.RoughDielectric(1.5, roughness=0.03)),
-    ],
-)
-def test_an_even_sky_stays_even_but_for_what_rough_facets_lose(device: Device, materials: Any) -> None:
-    scene = furnace(*materials)
+def test_an_even_sky_stays_even_but_for_what_rough_facets_lose(device: Device) -> None:
+    milk = rt.Dielectric(1.4, albedo=1.0, mean_free_path=0.2)
+    scene = furnace(rt.Mirror(1.0), milk, rt.RoughConductor(eta=1e-6, k=1000, roughness=0.02))
     sharp, wide = film_of(device, scene), film_of(device, scene, regularise=True)
-    assert wide.rgb.max() < 1.06
-    assert sharp.rgb.mean() > 0.99 and sharp.rgb.mean() - LOSS < wide.rgb.mean() < 1.002
+    assert wide.rgb.max() < 1.06 and sharp.rgb.mean() > 0.99
+    assert sharp.rgb.mean() - LOSS < wide.rgb.mean() < sharp.rgb.mean() - 0.03 * LOSS
 
 
-@pytest.mark.parametrize("keys", [{}, {"priority": 2}, {"scattering": 0.3}])
-def test_the_insides_of_widened_bodies_are_entered_and_left(device: Device, keys: dict[str, Any]) -> None:
-    """Coloured water over a floor: its absorption, under an even sky, is not another for a rough surface. By priority
-    pitch in the water is not there."""
+def under_water(**keys: Any) -> rt.Scene:
     scene = furnace()
     body = rt.Dielectric(1.3, absorption=(0.2, 0.5, 1.5), **keys)
     scene.add(rt.box(min=(-3, -0.9, -3), max=(3, 0.1, 3)), body, name="water")
-    if "priority" in keys:
-        pitch = rt.Dielectric(1.1, absorption=20.0, priority=1)
-        scene.add(rt.box(min=(-2.5, -0.5, -2.5), max=(2.5, -0.2, 2.5)), pitch, name="pitch")
-    sharp, wide = film_of(device, scene), film_of(device, scene, regularise=True)
-    np.testing.assert_allclose(wide.rgb.mean(axis=(0, 1)), sharp.rgb.mean(axis=(0, 1)), rtol=0.06)
+    return scene
+
+
+def test_the_insides_of_widened_bodies_are_those_of_sharp_ones(device: Device) -> None:
+    """Coloured water over a floor that scatters in it: under an even sky a rough surface does not change absorption. By
+    priority pitch in the water is not there: paths that scattered pass it and leave where the water ends."""
+    scene = under_water(priority=2)
+    pitch = rt.Dielectric(1.1, absorption=20.0, priority=1)
+    scene.add(rt.box(min=(-2.5, -0.5, -2.5), max=(2.5, -0.2, 2.5)), pitch, name="pitch")
+    sharp, wide = (film_of(device, under_water(), regularise=on).rgb.mean(axis=(0, 1)) for on in (False, True))
+    np.testing.assert_allclose(wide, sharp, rtol=0.04)
+    assert np.abs(wide / sharp - 1).max() > 0.01  # what rough facets lose
+    ranked = film_of(device, scene, regularise=True).rgb.mean(axis=(0, 1))
+    np.testing.assert_allclose(ranked, wide, rtol=1e-3)
 
 
 def mixed() -> rt.Scene:
@@ -159,7 +150,7 @@ def mixed() -> rt.Scene:
 
 
 def test_it_is_the_same_bits_however_it_is_traced(device: Device) -> None:
-    for scene in (mixed(), beside_a_mirror("mesh", rt.Mirror(0.9))):
+    for scene in (mixed(), beside_a_mirror(rt.Mirror(0.9))):
         scene.render.spp, scene.render.regularise = 8, True
         first = bits(film_of(device, scene, "single"))
         for traversal in ("packet", "compact"):
@@ -174,7 +165,7 @@ def test_where_nothing_gets_wider_nothing_of_it_is_built(device: Device) -> None
         assert "regularised" in renderer.features.left_out() and len(renderer.packed.materials) == 4
         film = renderer.render()
     assert film.bias is None and bits(film) == bits(plain)
-    with rt.Renderer(beside_a_mirror("mesh", rt.Mirror()), device, traversal="single") as renderer:
+    with rt.Renderer(beside_a_mirror(rt.Mirror(0.9)), device, traversal="single") as renderer:
         assert "regularised" in renderer.features.left_out() and len(renderer.packed.materials) == 2
 
 
