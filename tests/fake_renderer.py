@@ -47,7 +47,7 @@ class FakeFilm:
         self.stats: dict[str, Any] = {"spp": spp, "seconds": 0.5 * spp, "rays": 7, "mrays_per_s": 1.5, "error": 0.01}
         self.stats["device"] = "fake/0"
         self.faults: dict[str, int] = {"direct[1] negative": 2, "sky[3] non_finite": 7}
-        self.bias = None
+        self.bias = self.tile_errors = None
         self.error = ErrorEstimate(1e-4, 0.64e-4, 1.44e-4, 0.1, 1.0, lambda: np.zeros((10, 20, 3)))
 
     def save(self, path: Path, **options: Any) -> None:

@@ -128,7 +128,8 @@ def run(what: str, device: str | None) -> tuple[str, str, float]:
 
 def fault_child(number: int, device: str | None) -> int:
     """Puts the fault in and verifies its workload."""
-    from raytide.device import open_device
+    from raytide.device import Device, pick
+    from raytide.device.environment import opencl
     from raytide.kernels import source
 
     fault = FAULTS[number]
@@ -139,12 +140,7 @@ def fault_child(number: int, device: str | None) -> int:
         assert text.count(find) == 1, f"{file}: found {text.count(find)} times: the fault is stale"
         changed[file] = text.replace(find, put)
     source._read = lambda name: changed.get(name) or read(name)  # type: ignore[assignment]
-    with open_device(device) as opened:
-        if fault.options:
-            from raytide.device.probe import load_probe
-
-            opened.options = opened._builder._options = (*opened.options, *fault.options)
-            opened._probes = load_probe(opened.info, opened.options)
+    with Device(opencl(), pick(*([device] if device else [])), options=fault.options) as opened:
         told(measured(opened, fault.workload))
     return 0
 

@@ -7,21 +7,17 @@ a last _path or _direct): mean, and variance of one sample, of 32000 samples a p
 share of pixels that pass Mitsuba's own z-test (0.9975 is wanted) and the ratio of the mean luminances with its standard
 error (3 are allowed), both with the reference's variance of one sample; exit code 1 where a scene fails. Colours beside
 luminance are not tested so sharply: white in Mitsuba's published pictures is (1.0011, 0.9997, 0.9997), in Mitsuba 3.9.1
-it is (1, 1, 1). For a shape that raytide lacks (`sdfgrid`) its zero level stands in as triangles, so that it shades its
-neighbours; what it covers itself is not compared.
+it is (1, 1, 1).
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -30,14 +26,10 @@ from raytide.errors import RaytideError
 from raytide.image.exr import read_exr
 from raytide.image.statistics import PASS_SHARE, MeanTest, picture_mean_test, pixel_test
 from raytide.image.tone import RGB_TO_XYZ
-from zero_level import read_volume, write_obj, zero_level
 
 ENDINGS = ("_path", "_direct")
 REFERENCE_SAMPLES = 32000
 MOST_ERRORS = 3.0  # combined standard errors between the means of two pictures
-LACKING = ("sdfgrid",)
-# what scenes show beside a shape that raytide lacks: rows and columns that are compared
-MASKED = {"test_various_shapes": ((314, 443), (294, 417))}
 
 
 @dataclass(frozen=True)
@@ -77,28 +69,6 @@ def references(folder: Path) -> Iterator[Reference]:
                 yield Reference(stem, scene, read_exr(mean).rgb.astype(float), variance.astype(float))
 
 
-@contextmanager
-def loaded(path: Path) -> Iterator[rt.Scene]:
-    """The scene, triangles in place of shapes that raytide lacks; files live as long as the context. SceneError."""
-    text = path.read_text(encoding="utf-8")
-    if not any(f'"{kind}"' in text for kind in LACKING):
-        yield rt.load(path, allow_outside=True)
-        return
-    root = ElementTree.fromstring(text)
-    with tempfile.TemporaryDirectory() as folder:
-        for place, shape in enumerate(one for one in root.iter("shape") if one.get("type") in LACKING):
-            names = {inner.get("name"): inner.get("value", "") for inner in shape}
-            write_obj(zero_level(read_volume(path.parent / names["filename"])), Path(folder) / f"{place}.obj")
-            for inner in list(shape):
-                shape.remove(inner)
-            shape.set("type", "obj")
-            ElementTree.SubElement(shape, "string", name="filename", value=str(Path(folder) / f"{place}.obj"))
-        root.insert(0, ElementTree.Element("path", value=str(path.parent.resolve())))
-        copy = Path(folder) / path.name
-        ElementTree.ElementTree(root).write(copy, encoding="unicode")
-        yield rt.load(copy, allow_outside=True)
-
-
 def compare(
     reference: Reference, samples: float, reference_samples: float, device: object = None, seed: int = 0
 ) -> Verdict:
@@ -106,13 +76,10 @@ def compare(
     begun = time.perf_counter()
     height, width = reference.mean.shape[:2]
     spp = max(1, int(samples) // (height * width))
-    with loaded(reference.scene) as scene, rt.Renderer(scene, device, spp=spp, seed=seed) as renderer:
+    scene = rt.load(reference.scene, allow_outside=True)
+    with rt.Renderer(scene, device, spp=spp, seed=seed) as renderer:
         image = renderer.render().rgb.astype(float)
     mean, variance = reference.mean, reference.variance
-    if reference.name in MASKED:
-        (top, bottom), (left, right) = MASKED[reference.name]
-        image, mean = image.copy(), mean.copy()
-        image[top:bottom, left:right] = mean[top:bottom, left:right]
     share = pixel_test(image, mean, variance, spp, reference_samples)
     luminance = RGB_TO_XYZ[1:2].T
     own = np.maximum(variance @ luminance, 0.0)

@@ -203,8 +203,24 @@ static void trace_unlike(const Geometry g, Packet *p, const uint count)
     }
 }
 
+// Traces the packet's rays that go together, planes first.
+static void trace_together(const Geometry g, Packet *p, const int any)
+{
+#if HAS_PLANE
+    for (uint i = 0u; i < g.plane_count; i++) {
+        visit_packet_shape(g, p, i, p->together, any);
+    }
+#endif
+    trace_packet_tree(g, p, any);
+#if PLAIN_FIRST
+    if (!any) {
+        settle_packet(g, p);
+    }
+#endif
+}
+
 // Traces the rays of up to 64 queued slots: what they meet first, or where `any` whatever they meet, is in packet_hit
-// and packet_met then.
+// and packet_met then. Rays apart come last: with a t of their own they would take part in their groups.
 static void trace_packet(const Geometry g, Packet *p, global const uint *slots, const uint count,
                          global const Ray *rays, const int any)
 {
@@ -220,23 +236,12 @@ static void trace_packet(const Geometry g, Packet *p, global const uint *slots, 
     if (count_rays(p->together) < FEWEST_TOGETHER || !set_beam(p, &all, any ? WIDEST_BEAM_ANY : WIDEST_BEAM)) {
         p->together = 0ul;
     }
+    if (p->together != 0ul) {
+        trace_together(g, p, any);
+    }
     for (ulong alone = p->usable & ~p->together; alone != 0ul; alone &= alone - 1ul) {
         trace_alone(g, p, lowest_ray(alone), any);
     }
-    if (p->together == 0ul) {
-        return;
-    }
-#if HAS_PLANE
-    for (uint i = 0u; i < g.plane_count; i++) {
-        visit_packet_shape(g, p, i, p->together, any);
-    }
-#endif
-    trace_packet_tree(g, p, any);
-#if PLAIN_FIRST
-    if (!any) {
-        settle_packet(g, p);
-    }
-#endif
 }
 
 // Whether a ray met anything.

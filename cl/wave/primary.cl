@@ -8,23 +8,15 @@
 #include "wave/path.cl"
 #include "wave/span.cl"
 #include "wave/tile.cl"
+#include "wave/wide_primary.cl"
 
-// Fills `count` free slots with camera rays, tile by tile, and in a tile pixel by pixel: rays next to each other in the
-// queue stay next to each other on the image. An item's number is that of its place among the chunk's results, where 64
-// are a tile at one sample. Race rule: every item owns its slot and its sample.
-__attribute__((reqd_work_group_size(64, 1, 1)))
-kernel void primary(global const Camera *camera, global const Settings *settings, global const uint *queue,
-                    const uint queue_first, const uint first_item, const uint count, const uint first_tile,
-                    const uint first_sample, const uint samples_in_chunk, global Ray *rays,
-                    global float4 *throughput, global uint4 *paths, global float4 *samples SCATTERINGS_ARGUMENT MEDIA_ARGUMENT
-                    SPAN_ARGUMENTS)
+// Fills the first slot of `queue` with the camera ray of item `place`.
+static void fill_one(global const Camera *camera, global const Settings *settings, global const uint *queue,
+                     const uint place, const uint first_tile, const uint first_sample, const uint samples_in_chunk,
+                     global Ray *rays, global float4 *throughput, global uint4 *paths,
+                     global float4 *samples SCATTERINGS_ARGUMENT MEDIA_ARGUMENT SPAN_ARGUMENTS)
 {
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) {
-        return;
-    }
-    const uint slot = queue[queue_first + i];
-    const uint place = first_item + i;
+    const uint slot = *queue;
 #if HAS_ADAPTIVE
     const uint4 span = spans[group_tiles[place / TILE]];
     const uint first = span.y * TILE;
@@ -64,4 +56,45 @@ kernel void primary(global const Camera *camera, global const Settings *settings
     paths[slot] = (uint4)(item, 1u | PATH_DELTA, pixel, sample);
 #endif
     samples[item] = (float4)(0.0f);
+}
+
+// Fills the slots from place `begin` of `queue` to below `end`, of which the first of all is item `first_item`.
+static COMPILED_ONCE void fill_span(global const Camera *camera, global const Settings *settings,
+                                    global const uint *queue, const uint first_item, const uint first_tile,
+                                    const uint first_sample, const uint samples_in_chunk, global Ray *rays,
+                                    global float4 *throughput, global uint4 *paths,
+                                    global float4 *samples SCATTERINGS_ARGUMENT MEDIA_ARGUMENT SPAN_ARGUMENTS,
+                                    const uint begin, const uint end)
+{
+    uint i = begin;
+#if WIDE_PRIMARY
+    for (; i + LANES <= end; i += LANES) {
+        fill_eight(camera, settings, queue + i, first_item + i, first_tile, first_sample, samples_in_chunk, rays,
+                   throughput, paths, samples);
+    }
+#endif
+    for (; i < end; i++) {
+        fill_one(camera, settings, queue + i, first_item + i, first_tile, first_sample, samples_in_chunk, rays,
+                 throughput, paths, samples SCATTERINGS MEDIA SPANS);
+    }
+}
+
+// Fills `count` free slots with camera rays, tile by tile, and in a tile pixel by pixel: rays next to each other in the
+// queue stay next to each other on the image. An item's number is that of its place among the chunk's results, where 64
+// are a tile at one sample; chunks and launches are whole tiles of them. A work-item fills ITEM_RAYS slots.
+// Race rule: every item owns its slot and its sample.
+VEC_LEN_HINT __attribute__((reqd_work_group_size(ITEM_GROUP, 1, 1)))
+kernel void primary(global const Camera *camera, global const Settings *settings, global const uint *queue,
+                    const uint queue_first, const uint first_item, const uint count, const uint first_tile,
+                    const uint first_sample, const uint samples_in_chunk, global Ray *rays,
+                    global float4 *throughput, global uint4 *paths, global float4 *samples SCATTERINGS_ARGUMENT MEDIA_ARGUMENT
+                    SPAN_ARGUMENTS)
+{
+    const uint begin = (uint)get_global_id(0) * ITEM_RAYS;
+    if (begin >= count) {
+        return;
+    }
+    const uint end = count - begin < ITEM_RAYS ? count : begin + ITEM_RAYS;
+    fill_span(camera, settings, queue + queue_first, first_item, first_tile, first_sample, samples_in_chunk, rays,
+              throughput, paths, samples SCATTERINGS MEDIA SPANS, begin, end);
 }

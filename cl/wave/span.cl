@@ -8,6 +8,7 @@
 // group.
 #define SPAN_ARGUMENTS                                                                                                \
     , global const uint4 *spans, global const uint4 *ranges, global const uint *group_tiles
+#define SPANS , spans, ranges, group_tiles
 
 // The samples that pixel (x, y) of a tile takes: first and end.
 static uint2 range_of(const uint4 range, const uint x, const uint y)
@@ -16,4 +17,5 @@ static uint2 range_of(const uint4 range, const uint x, const uint y)
 }
 #else
 #define SPAN_ARGUMENTS
+#define SPANS
 #endif

@@ -107,6 +107,38 @@ static LightSamples8 triangle_lights(global const Light *table, const Geometry g
 }
 #endif
 
+#if HAS_POINT || HAS_DIRECTIONAL
+// point_sample and directional_sample, put among those that are there; gives the lanes whose lights are such.
+static uint single_directions(global const Light *table, const uint8 light, const Vector8 from, LightSamples8 *out)
+{
+    const uint8 row = light * LIGHT_ROWS;
+    const uint8 kind = as_uint8(rows_at((global const float4 *)table, row).x);
+    const Vector8 radiance = xyz8(rows_at((global const float4 *)&table->radiance, row));
+    int8 done = (int8)(0);
+#if HAS_POINT
+    const int8 points = kind == LIGHT_POINT;
+    const Vector8 to = subtract8(xyz8(rows_at((global const float4 *)&table->position, row)), from);
+    const float8 squared = dot8(to, to);
+    const int8 apart = squared > 0.0f;
+    out->to = choose8(points, to, out->to);
+    out->radiance = choose8(points, scale8(radiance, apart ? 1.0f / squared : (float8)(0.0f)), out->radiance);
+    out->pdf = points ? (apart ? (float8)(1.0f) : (float8)(0.0f)) : out->pdf;
+    done |= points;
+#endif
+#if HAS_DIRECTIONAL
+    const int8 parallel = kind == LIGHT_DIRECTIONAL;
+    const Vector8 direction = xyz8(rows_at((global const float4 *)&table->direction, row));
+    out->to = choose8(parallel, negate8(direction), out->to);
+    out->radiance = choose8(parallel, radiance, out->radiance);
+    out->pdf = parallel ? (float8)(1.0f) : out->pdf;
+    out->infinite = parallel ? (uint8)(1u) : out->infinite;
+    done |= parallel;
+#endif
+    out->delta = done ? (uint8)(1u) : out->delta;
+    return movemask8(done);
+}
+#endif
+
 // light_sample for lights of any kind, put among those that are there.
 static LightSamples8 further_lights(global const Light *table, const Geometry g, const uint8 light, const Vector8 from,
                                     const Rows8 u, const LightSamples8 known, const uint lanes)
@@ -137,13 +169,18 @@ static LightSamples8 sampled_lights(const Lights lights, const Geometry g, const
     const Rows8 head = rows_at((global const float4 *)lights.table, light * LIGHT_ROWS);
     const uint8 prim = as_uint8(head.y);
     const int8 flat = (as_uint8(head.x) == LIGHT_EMITTER) & (prim < g.triangle_count);
-    const uint others = v->lanes & ~movemask8(flat);
+    uint others = v->lanes & ~movemask8(flat);
     out = triangle_lights(lights.table, g, flat ? prim : (uint8)(0u), light, v->surface.p, u);
 #else
-    const uint others = v->lanes;
+    uint others = v->lanes;
     out.to = out.radiance = vector8((float8)(0.0f), (float8)(0.0f), (float8)(0.0f));
     out.pdf = (float8)(0.0f);
     out.delta = out.infinite = (uint8)(0u);
+#endif
+#if HAS_POINT || HAS_DIRECTIONAL
+    if (others != 0u) {
+        others &= ~single_directions(lights.table, light, v->surface.p, &out);
+    }
 #endif
     if (others != 0u) {
         out = further_lights(lights.table, g, light, v->surface.p, u, out, others);

@@ -11,6 +11,7 @@
 #include "wave/vertex.cl"
 #include "wave/wide_vertex.cl"
 #include "wave/wide_light.cl"
+#include "wave/wide_miss.cl"
 #include "wave/wide_order.cl"
 
 #if DEVICE_GPU
@@ -123,7 +124,7 @@ static void note_hits(const Shading *s, const uint lanes, const uint8 sample)
 }
 
 // Shades those from number `i` on, of which those before `end` count; gives the lanes that are left to be shaded alone:
-// those that met no triangle, met a light, or are unsound.
+// those that met a shape or a light, saw a sky that is not the same everywhere, or are unsound.
 static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORMALS_ARGUMENT CAUSTICS_ARGUMENT)
 {
     prefetch_group(s, i, end);
@@ -137,21 +138,22 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     const uint8 found = as_uint8(hit.w);
     const uint held = movemask8(direction.w > 0.0f);
     const uint lanes = held & movemask8(found < s->g.triangle_count);
+    const uint missing = held & movemask8(found == NONE);
     put_status(s, place, (uint8)(0u));
-    if (lanes == 0u) {
+    if ((lanes | missing) == 0u) {
         return held;
     }
-    const uint8 prim = found < s->g.triangle_count ? found : (uint8)(0u);
     const Rows8 path = rows_at((global const float4 *)s->paths, slot);
     const Rows8 state = rows_at(s->throughput, slot);
+    const uint missed = missing == 0u ? 0u : shade_misses(s, slot, xyz8(direction), path, state, missing);
+    if (lanes == 0u) {
+        return held & ~missed;
+    }
+    const uint8 prim = found < s->g.triangle_count ? found : (uint8)(0u);
     const uint8 edge = as_uint8(path.y) & PATH_EDGES;
     Vertices8 v = vertices_of(s->g, s->objects, s->materials, prim, hit, xyz8(direction), xyz8(state),
                               lanes WORDS_OF(path));
-#if HAS_SKY
-    const uint alone = held & ~v.lanes;
-#else
-    const uint alone = held & ~v.lanes & movemask8((found != NONE) | (edge == 1u));  // the others saw nothing
-#endif
+    const uint alone = held & ~v.lanes & ~missed;
     const uint first = v.lanes & movemask8(edge == 1u);
     const uint8 sample = as_uint8(path.x);
     const uint scattering = v.lanes & movemask8((v.kind != MATERIAL_EMISSIVE) & (edge < s->settings->max_depth));

@@ -79,6 +79,29 @@ def test_brute_force_gives_the_same_bits(device: Device) -> None:
         assert by_tree.closest(rays).tobytes() == by_force.closest(rays).tobytes(), by_tree.tree.stats.builder
 
 
+def test_mirrored_rays_leave_as_steeply_as_camera_rays_came_and_on_the_same_side(device: Device) -> None:
+    """The law of reflection by facts of its own: with the normal n of the triangle that was met, incoming i and
+    outgoing o, o + i lies in the surface, o - i along n, and o points away from it."""
+    scene = SMALL["blob"]()
+    tracer = RayTracer(device, geometry_of(scene))
+    sets = make_ray_sets(scene, 64, tracer.closest)
+    for first, second in (("prim", "refl"), ("primt", "reflt")):
+        camera, mirror = sets[first].rays, sets[second].rays
+        hits = tracer.closest(camera)
+        assert (hits["prim"] != NONE).all(), "a closed box"
+        corners = scene.vertices[scene.triangles[hits["prim"]]].astype(np.float64)
+        edges = corners[:, 1:] - corners[:, :1]
+        incoming, outgoing = (rays["direction"][:, :3].astype(np.float64) for rays in (camera, mirror))
+        inside = np.linalg.det(np.stack((outgoing + incoming, edges[:, 0], edges[:, 1]), axis=1))
+        size = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        assert np.abs(inside / size).max() < 1e-5, "no part of the sum leaves the surface"
+        across = ((outgoing - incoming)[:, None] * edges).sum(axis=2) / np.linalg.norm(edges, axis=2)
+        assert np.abs(across).max() < 1e-5, "no part of the difference lies in it"
+        moved = mirror["origin"][:, :3] - (camera["origin"][:, :3] + hits["t"][:, None] * incoming)
+        assert ((moved * outgoing).sum(axis=1) > -2e-6).all() and np.linalg.norm(moved, axis=1).max() < 1e-3
+        assert not sets[second].any_hit and np.mean(tracer.closest(mirror)["prim"] != NONE) > 0.99
+
+
 def test_the_suite_reports_every_set_with_clocks_hashes_and_spread(device: Device, small: None) -> None:
     result = ray_suite.run_suite(device, TINY, lambda line: None)
     text = rays_tables(result)
@@ -90,7 +113,7 @@ def test_the_suite_reports_every_set_with_clocks_hashes_and_spread(device: Devic
             assert ("processor" in one["rays_per_s"]) == (device.info.type == "cpu")
             for rate in one["rays_per_s"].values():
                 assert 0 < rate["min"] <= rate["median"] <= rate["max"] and len(rate["values"]) == rate["n"] >= 2
-    assert len({one["workload_sha256"] for scene in result["scenes"].values() for one in scene["sets"].values()}) == 18
+    assert len({one["workload_sha256"] for scene in result["scenes"].values() for one in scene["sets"].values()}) == 24
     assert [row["triangles"] for row in result["scaling"]["rows"]] == [8, 968, 3042]
     assert result["brute_force"]["same_bits"] and len(result["brute_force"]["rows"]) == 2
 

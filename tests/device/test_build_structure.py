@@ -8,7 +8,8 @@ import pytest
 from build_cases import CASES, check_tree, mixed, soup
 from raytide.accel import FlatGeometry, build_tree
 from raytide.accel.build import MAX_PRIMITIVES
-from raytide.device import open_device
+from raytide.device import Device
+from raytide.device.environment import opencl
 from raytide.errors import UsageError
 from raytide.kernels.records import NONE, RECORDS
 from raytide.verify.triangles import FAR_PLACE, RINGS, SEGMENTS, ring_sphere
@@ -123,7 +124,6 @@ def test_an_unknown_builder_is_refused_with_the_known_ones():
 def test_a_compiler_that_orders_sums_as_it_likes_loses_no_triangle(device):
     """Far from zero a doubled centre is a few ulp from its neighbours', so that an own way to round each bin shows."""
     geometry = ring_sphere(RINGS, SEGMENTS, FAR_PLACE)
-    with open_device(device.info.id) as relaxed:
-        relaxed._builder._options = (*relaxed.options, "-cl-fast-relaxed-math")
+    with Device(opencl(), device.info, options=("-cl-fast-relaxed-math",)) as relaxed:
         for builder in ("sah", "lbvh"):
             check_tree(build_tree(geometry, builder, relaxed, "device"), geometry)

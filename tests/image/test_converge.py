@@ -82,7 +82,10 @@ def test_plain_random_has_slope_one_half_and_sobol_is_steeper(results: Path) -> 
 
 
 def test_renders_are_unbiased_and_independent(results: Path) -> None:
-    for variant in json.loads((results / "converge.json").read_text())["scenes"][0]["variants"]:
+    found = json.loads((results / "converge.json").read_text())
+    assert found["scenes"][0]["drift"] is not None and "git_commit" in found
+    for variant in found["scenes"][0]["variants"]:
+        assert variant["provenance"]["kernels_sha256"] and "spp" not in variant["provenance"]
         for point in variant["points"]:
             assert point["nonfinite"] == 0 and abs(point["relative_bias2"]) < 0.15 * point["relmse"]
     seeds = [line.split(",")[4] for line in (results / "renders.csv").read_text().splitlines()[1:]]

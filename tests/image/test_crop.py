@@ -47,3 +47,28 @@ def test_windows_are_written_with_commas_too_and_stay_inside(tmp_path: Path) -> 
     scene.render.crop = (30, 0, 11, 4)
     with pytest.raises(rt.SceneError, match="inside the picture of 40x24"):
         scene.flatten()
+
+
+def test_a_mirrored_picture_shows_the_same_points_the_other_way_round(device: Device) -> None:
+    def points(**more: object) -> np.ndarray:
+        view = {"origin": (0.3, 2, 6), "target": (0, 1, 0), "size": (20, 12), **more}
+        scene = rt.Scene(camera=rt.Camera(**view), render={"spp": 1, "filter": "centre"})
+        scene.add(rt.plane(), rt.Diffuse(0.5), name="floor")
+        scene.add(rt.sphere((0.4, 1, 0), 1.0), rt.Diffuse(0.5), name="ball")
+        with rt.Renderer(scene, device) as renderer:
+            return renderer.render().layers(("position",))["position"]
+
+    plain = points()
+    assert not np.array_equal(plain, plain[:, ::-1])
+    assert np.array_equal(points(mirror=True), plain[:, ::-1])
+    assert np.array_equal(points(mirror=True, shift=(0.25, 0)), points(shift=(-0.25, 0))[:, ::-1])
+
+
+def test_an_orthographic_picture_is_as_wide_as_it_says(device: Device) -> None:
+    camera = rt.Orthographic(origin=(0, 2, 0), target=(0, 0, 0), up=(0, 0, -1), size=(8, 6), height=3, width=16)
+    scene = rt.Scene(camera=camera, render={"spp": 1, "filter": "centre"})
+    scene.add(rt.plane(), rt.Diffuse(0.5), name="floor")
+    with rt.Renderer(scene, device) as renderer:
+        at = renderer.render().layers(("position",))["position"]
+    assert np.allclose(at[..., 0], np.arange(-7, 8, 2)[None, :])
+    assert np.allclose(at[..., 2], np.arange(-1.25, 1.5, 0.5)[:, None])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import raytide as rt
+from fake_clock import WaveClock
 from raytide.device import Device
 from raytide.errors import SceneError
 
@@ -32,17 +33,20 @@ def test_samples_time_and_error_each_end_a_render_and_are_named(device: Device) 
     assert report["stopped_by"] == "time" and report["limits"] == {"spp": None, "time": before + 0.2, "error": 1e-6}
 
 
-def test_time_is_kept_to_a_wave_and_the_rest_of_the_pass_is_not_lost(device: Device) -> None:
+def test_time_is_kept_to_a_wave_and_the_rest_of_the_pass_is_not_lost(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    WaveClock(monkeypatch, device)
     with rt.Renderer(scene((64, 48)), device, memory=2_000_000) as renderer:
-        renderer.render(64)  # the first launches take longer
-        renderer.restart()
         whole = renderer.render(64)
-        seconds = renderer.history.rows[-1].wall_s
+        before, end = (row.wall_s for row in renderer.history.rows[-2:])
+        limit = before + 0.6 * (end - before)  # inside the last pass
         renderer.restart()
-        part = renderer.render(64, time=0.6 * seconds)  # inside the last pass
-        assert renderer.stopped_by == "time" and part.spp < 64
-        assert 0 <= renderer.history.rows[-1].wall_s - 0.6 * seconds < 0.25 * seconds
-        assert part.samples.max() > part.spp
+        part = renderer.render(64, time=limit)
+        assert renderer.stopped_by == "time" and part.spp == 32
+        assert renderer.history.rows[-2].wall_s == before  # to there it was the same render
+        assert 0 <= renderer.history.rows[-1].wall_s - limit < 1  # s, a wave
+        assert set(np.unique(part.samples)) == {32, 64}
         film = renderer.render(64)
         assert np.array_equal(film.rgb, whole.rgb) and film.error.relmse == whole.error.relmse
 

@@ -35,6 +35,26 @@ def test_packets_change_no_bit_of_a_picture(device: Device, name: str, memory: i
     assert set(onward.values()) <= {"single"}
 
 
+def test_packets_leave_rays_alone_that_stand_still_along_an_axis(device: Device) -> None:
+    """Rays through the middle column of an odd number, whose x is exactly 0: they take no part in their packet, but see
+    a thin black pole, where the others see the wall behind it."""
+
+    def upright(width: float, z: float) -> rt.Mesh:
+        corners = [(-width, -9, z), (width, -9, z), (width, 9, z), (-width, 9, z)]
+        return rt.mesh(vertices=corners, faces=[(0, 1, 2), (0, 2, 3)])
+
+    scene = rt.Scene(rt.Camera(origin=(0, 2, 15), target=(0, 1, 0), size=(33, 33)), rt.RenderSettings(filter="centre"))
+    scene.add(upright(0.01, 8.0), rt.Diffuse(0.0), name="pole")
+    scene.add(upright(9.0, 3.0), rt.Diffuse(0.8), name="wall")
+    scene.add(rt.sky(1.0), name="sky")
+    images = {}
+    for traversal in ("single", "packet"):
+        with rt.Renderer(scene, device, traversal=traversal, spp=1) as renderer:
+            images[traversal] = renderer.render().rgb
+    assert images["single"][:, 16].max() == 0 and images["single"][:, 15].min() > 0
+    assert np.array_equal(images["single"], images["packet"])
+
+
 CORNELL = SCENES / "cornell" / "cornell.toml"
 
 
@@ -98,6 +118,9 @@ def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of its own for what trials find, and launches of any size that count."""
     monkeypatch.setattr(trial, "FileCache", lambda kind: FileCache(kind, tmp_path))
     monkeypatch.setattr(trial, "FEWEST_RAYS", 64)
+    monkeypatch.setattr(trial, "FEWEST_SAMPLES", 1)
+    monkeypatch.setattr(trial, "PART", 256)
+    monkeypatch.setattr(trial, "ROUNDS", 3)
     monkeypatch.setattr(later, "ENOUGH", 0)  # renders of any length have all variants
     return tmp_path / "traversal"
 

@@ -82,3 +82,27 @@ def test_waves_that_are_no_multiple_of_eight_change_no_bit(device: Device) -> No
     whole = image(device, scene_of_meshes(False, spp=4))
     small = image(device, scene_of_meshes(False, spp=4), memory=1 << 16)
     np.testing.assert_array_equal(whole.view(np.uint32), small.view(np.uint32))
+
+
+VIEW = {"origin": (0, 3, 9), "target": (0, 1, 0), "size": (37, 22)}
+CAMERAS = {
+    "box": (rt.Camera(**VIEW), {"filter": "box", "crop": (3, 1, 29, 19)}),
+    "tent, blue noise": (rt.Camera(**VIEW), {"filter": "tent", "sampler": "blue_noise"}),
+    "mitchell": (rt.Camera(**VIEW), {"filter": "mitchell"}),
+    "centre, random numbers": (rt.Camera(**VIEW), {"filter": "centre", "sampler": "random"}),
+    "lens": (rt.ThinLens(**VIEW, aperture=0.4), {"filter": "gaussian"}),
+    "orthographic": (rt.Orthographic(**VIEW, height=8.0), {"filter": "box"}),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_camera_rays_made_eight_at_once_change_no_bit(device: Device, name: str) -> None:
+    """Passes of 1, 1, 2 and 3 samples a pixel; tiles reach beyond the picture."""
+    images = []
+    for masked in (False, True):
+        camera, settings = CAMERAS[name]
+        scene = scene_of_meshes(masked, ("diffuse", "mirror"), spp=7, max_depth=2, **settings)
+        scene.camera = camera
+        images.append(image(device, scene))
+    assert images[0].mean() > 0.1
+    np.testing.assert_array_equal(images[0].view(np.uint32), images[1].view(np.uint32))

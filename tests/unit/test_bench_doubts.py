@@ -16,6 +16,7 @@ from raytide.bench.report import comparison_page, result_page
 from raytide.bench.runner import sealed
 from raytide.bench.show import tables
 from raytide.cli.main import main
+from raytide.errors import UsageError
 
 STORED = next(path for path in RESULTS if path.name == "pocl-wheel.bench.json")
 
@@ -161,3 +162,60 @@ def test_a_row_in_doubt_is_called_so_where_it_stands_and_at_the_top() -> None:
     assert [row.word for row in certain.rows].count("worse") == 1
     page = comparison_page(("a", "b"), [certain])
     assert "NOTE" not in comparison_text(("a", "b"), certain) and "in doubt" not in page
+
+
+def broken(result: dict[str, Any], name: str, status: str) -> dict[str, Any]:
+    """The result where one workload, or a whole part, came to nothing."""
+    for one in result["workloads"]:
+        if one["id"] == name:
+            one.update(status=status, reason="why")
+    if name in ("peaks", "build"):
+        result[name] = {"status": status, "reason": "why"}
+    return result
+
+
+def test_what_was_right_and_is_wrong_now_fails_a_comparison(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    whole = written(tmp_path / "old.bench.json", flagged())
+    for name, status, code in (("cornell", "invalid", 5), ("cornell", "error", 5), ("cornell", "skipped", 0),
+                               ("peaks", "error", 5), ("build", "invalid", 5)):  # fmt: skip
+        file = written(tmp_path / "new.bench.json", broken(flagged(), name, status))
+        assert main(["bench", "compare", whole, file]) == 0
+        assert main(["bench", "compare", whole, file, "--fail-above", "5%"]) == code, (name, status)
+        said = capsys.readouterr().err
+        assert (f"{status} in the second: why" in said) == (code == 5)
+        assert main(["bench", "compare", file, whole, "--fail-above", "5%"]) == 0, "mended is no regression"
+
+
+def test_a_comparison_tells_both_scores_and_what_took_a_result_out_of_its_class() -> None:
+    old, new = flagged(), flagged()
+    new["score"] |= {"value": 2 * old["score"]["value"], "ci95": [2500.0, 3100.0]}
+    found = compare(old, new)
+    assert found.score_ratio == pytest.approx(2.0)
+    lines = comparison_text(("a", "bb"), found).splitlines()
+    at = lines.index("SCORE")
+    assert lines[at + 1].startswith(f"  a:  Quick score: {old['score']['value']:.0f} points")
+    assert lines[at + 2].endswith("another run may give 2500 to 3100 points (95 %)")
+    assert lines[at + 3] == "  new over old: 2.000"
+    assert "2500 to 3100" in comparison_page(("a", "bb"), [found])
+    new |= {"class": "open", "class_reasons": ["--threads"], "suite": "renders", "edited": True}
+    forced = compare(old, new, force=True)
+    assert {("suite", "quick", "renders"), ("class", "closed", "open"), ("class_reasons", "none", "--threads")} <= set(
+        forced.differences)  # fmt: skip
+    assert forced.score_ratio is None and forced.scores[1] == "none"
+
+
+def test_equal_ids_on_other_machines_are_two_devices() -> None:
+    old, new = flagged(), flagged()
+    new["tool"]["kernels_sha256"] = "f" * 64
+    assert compare(old, new).rows, "two versions on one device"
+    for change in ({"host": {**new["host"], "cpu_model": "another"}}, {"device": {**new["device"], "name": "another"}}):
+        with pytest.raises(UsageError, match="kernels_sha256"):
+            compare(old, new | change)
+
+
+def test_forced_rows_of_other_work_say_so() -> None:
+    old, new = flagged(), slower(flagged(), cornell=2.0)
+    new["workloads"][0]["workload_sha256"] = "f" * 64
+    assert [name for name, _ in compare(old, new).left_out if name == "renders cornell"]
+    [row] = [row for row in compare(old, new, force=True).rows if row.name == "cornell"]
+    assert row.word == "perhaps worse" and "another scene, setting or reference" in row.remark

@@ -20,13 +20,13 @@ from jsonschema import Draft202012Validator
 from bench_cases import RESULTS, parts
 from raytide.bench import record, runner, shipped
 from raytide.bench.compare import compare
+from raytide.bench.doubts import CLOSE
 from raytide.bench.model import json_schema
 from raytide.bench.pictures import difference, pictures_of
 from raytide.bench.plan import FULL, QUICK, drifting, enough, repeat
 from raytide.bench.references import load_references
 from raytide.bench.roofline import add_limiters
 from raytide.bench.runner import Findings, Job, result_of, run_job
-from raytide.bench.scramble import CLOSE
 from raytide.bench.sections import parts_of, values_plot
 from raytide.bench.show import tables
 from raytide.bench.soak import soak
@@ -243,6 +243,10 @@ def test_a_rate_that_needs_the_order_of_triangles_shows(capsys: pytest.CaptureFi
     found = result(scramble=3)
     found["workloads"][0]["scramble"] = {"ratio": 0.8, "ci95": [0.79, 0.81], "same": False}
     assert "0.790 to 0.810          NO" in tables(found) and CLOSE == 0.03
+    for ends, word in (([0.9, 1.1], "not certain"), ([0.96, 1.0], "not certain"), ([0.98, 1.02], "yes")):
+        found["workloads"][0]["scramble"] = {"ratio": 1.0, "ci95": ends, "same": True}
+        assert f"{ends[0]:.3f} to {ends[1]:.3f}" in tables(found)
+        assert re.search(rf"{ends[1]:.3f} +{word}\n", tables(found))
     assert any("In disguise" in part for part in parts_of(found))
 
 

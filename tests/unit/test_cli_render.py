@@ -30,7 +30,7 @@ def test_stdout_holds_the_files_and_stderr_the_rest(
     out, err = capsys.readouterr()
     assert out.splitlines() == ["deep/a.exr", "b.png"]
     assert err.splitlines() == [
-        "raytide: 20x10, 8 spp in 4.00 s, 1.5 Mrays/s, estimated error 1 %, ended by spp on fake/0"
+        "raytide: 20x10, 8 spp in 4.00 s, 1.5 Mrays/s, estimated error 1 % (0.8-1.2 %), ended by spp on fake/0"
     ]
     assert Path("deep/a.exr").read_text().startswith("(8, ")
     assert fake.opened[0].closed
@@ -110,7 +110,7 @@ def test_explain_with_output_renders_too(fake: type[FakeRenderer], capsys: pytes
 def test_report_joins_the_renderers_figures_and_the_commands(fake: type[FakeRenderer]) -> None:
     assert main(["render", "scene.toml", "-o", "a.exr", "--report", "reports/r.json"]) == 0
     report = json.loads(Path("reports/r.json").read_text())
-    assert report["spp"] == 8
+    assert report["spp"] == 8 and report["tiles"] is None
     assert {"start", "import", "load", "write", "render"} <= report["times_s"].keys()
     assert report["outputs"] == ["a.exr"]
     assert report["command"] == "raytide render scene.toml -o a.exr --report reports/r.json"
@@ -244,6 +244,26 @@ def test_terminal_gets_a_bar_with_samples_rate_and_time_left(tmp_path: Path) -> 
     assert ran.stdout == "a.exr\n"
     for words in ("building kernels", "2/4 spp", "1.5 Mrays/s", "ETA 0:01", "20x10, 4 spp in"):
         assert words in shown
+
+
+def test_what_is_left_is_told_once_and_the_bar_gives_way_to_the_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where an error is to end the render its prediction is the time left; another limit that comes first stands
+    before it."""
+    from raytide.cli.progress import Bar
+
+    status = {"spp": 8, "seconds": 1.0, "left_s": 10.0, "prediction": {
+        "target": 0.01, "left_s": 10.0, "low_s": 8.0, "high_s": 12.0}}  # fmt: skip
+    for columns, width in ((80, 10), (60, 4), (200, 40)):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        bar = Bar()
+        assert bar.progress.columns[0].bar_width == width
+        bar.show(status)
+        assert bar.time_left() == "1 % in 10 s +- 2.0 s"
+        bar.show(status | {"left_s": 3.0})
+        assert bar.time_left() == "ETA 0:03  1 % in 10 s +- 2.0 s"
+        bar.show(status | {"prediction": None})
+        assert bar.time_left() == "ETA 0:10"
+        bar.close()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")

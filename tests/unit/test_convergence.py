@@ -119,6 +119,29 @@ def outcome(tmp_path: Path) -> Outcome:
     return Outcome(plan, of, tracks, {plan.variants[0].name: StartCost(1.5, 4.5, {})})
 
 
+@pytest.mark.parametrize(("slower", "said"), [(1.0, None), (1.04, None), (1.2, "20 % longer"), (0.8, "20 % less")])
+def test_a_machine_that_changes_while_it_is_timed_is_told(slower: float, said: str | None, tmp_path: Path) -> None:
+    """Equal work, in turns: the last replicates take `slower` times what the first did, whatever their budget."""
+    of = truth(0.001)
+    plan = Plan(tmp_path / "a.toml", variants_of(["sampler=sobol,random"]), (Budget(1), Budget(16)), 9)
+    tracks = [Track(variant, [Point(of, one.label) for one in plan.budgets], {"in_process": 0.5}, {})
+              for variant in plan.variants]  # fmt: skip
+    for track in tracks:
+        for budget, made in zip(plan.budgets, track.points, strict=True):
+            for k in range(9):
+                noise = 1 + 0.01 * (k % 3)
+                seconds = 0.01 * budget.spp * noise * (slower if k >= 6 else 1.0)
+                made.add((radiance() * (1.1 if k % 2 else 0.9)).astype(np.float32), k, budget.spp, seconds)
+    one = Outcome(plan, of, tracks, {})
+    drift = one.drift()
+    assert drift is not None and drift == pytest.approx(slower - 1, abs=1e-9)
+    assert (one.warning() is None) if said is None else (said in str(one.warning()))
+    page = document([one], {"command": "raytide converge"})
+    assert ("not to be relied on" in page) == (said is not None) and "efficiency" in page
+    timed = Outcome(Plan(plan.scene, plan.variants, (Budget(seconds=1.0),), 9), of, tracks, {})
+    assert timed.drift() is None, "budgets of time are no equal work"
+
+
 def test_files_hold_every_render_and_the_page_shows_every_variant(tmp_path: Path) -> None:
     import json
 
@@ -129,6 +152,7 @@ def test_files_hold_every_render_and_the_page_shows_every_variant(tmp_path: Path
     write_json(tmp_path / "out.json", result_of([one], {"command": "raytide converge"}))
     found = json.loads((tmp_path / "out.json").read_text())
     first, second = found["scenes"][0]["variants"]
+    assert found["scenes"][0]["drift"] is None, "four replicates tell nothing"
     assert first["points"][0]["wall_s"] == pytest.approx(first["points"][0]["render_s"] + 1.5)  # the measured start
     assert second["points"][0]["wall_s"] == pytest.approx(second["points"][0]["render_s"] + 0.5)
     page = document([one], {"command": "raytide converge <x>"})

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from mitsuba_scenes import loaded, problems_of
+from raytide.importers.mitsuba import patches
 from raytide.importers.mitsuba.metals import METALS
 from raytide.importers.mitsuba.spectra import emitted_rgb, reflected_rgb
 from raytide.importers.mitsuba.values import Spectrum
@@ -83,8 +84,6 @@ def test_lookat_gives_origin_aim_and_up(tmp_path: Path) -> None:
     turn = '<transform name="to_world"><lookat origin="1,2,3" target="1,2,-4" up="0,3,1"/></transform>'
     frame = loaded(tmp_path, sensor=sensor(turn)).camera.frame()
     assert np.allclose(frame, [(1, 0, 0), (0, 1, 0), (0, 0, -1)])
-    mirrored = '<transform name="to_world"><scale x="-1"/></transform>'
-    assert "mirrors" in str(problems_of(tmp_path, sensor=sensor(mirrored))[0])
     scaled = '<transform name="to_world"><scale value="2"/></transform>'
     assert "scales" in str(problems_of(tmp_path, sensor=sensor(scaled))[0])
 
@@ -95,8 +94,27 @@ def test_orthographic_film_is_two_units_wide(tmp_path: Path) -> None:
     camera = loaded(tmp_path, sensor=sensor(turn, 200, 120, "orthographic")).camera
     assert camera.height == pytest.approx(2 * 1.5 * 120 / 200)  # type: ignore[attr-defined]
     assert np.allclose(camera.frame()[2], np.array([5, 0, -2]) / math.sqrt(29))
+    assert camera.width is None  # type: ignore[attr-defined]
+
+
+def test_orthographic_film_may_be_stretched(tmp_path: Path) -> None:
+    """A window of 50 x 60 pixels out of 200 x 120: a quarter of the width, half of the height."""
     uneven = '<transform name="to_world"><scale x="2" y="3"/></transform>'
-    assert "same factor" in str(problems_of(tmp_path, sensor=sensor(uneven, kind="orthographic"))[0])
+    crop = "".join(f'<integer name="crop_{name}" value="{value}"/>' for name, value in (("width", 50), ("height", 60)))
+    camera = loaded(tmp_path, sensor=sensor(uneven, 200, 120, "orthographic", crop)).camera
+    assert camera.height == pytest.approx(2 * 3 * 120 / 200 / 2)  # type: ignore[attr-defined]
+    assert camera.width == pytest.approx(2 * 2 / 4)  # type: ignore[attr-defined]
+    sheared = '<transform name="to_world"><matrix value="1 1 0 0 1 0 0 0 1"/></transform>'
+    assert "shear" in str(problems_of(tmp_path, sensor=sensor(sheared, kind="orthographic"))[0])
+
+
+@pytest.mark.parametrize(("scale", "right", "up"), [('x="-1"', 1, 1), ('y="-1"', -1, -1), ('z="-1"', -1, 1)])
+def test_negative_scales_mirror_the_picture(scale: str, right: int, up: int, tmp_path: Path) -> None:
+    """Mitsuba's pictures have its camera's +x to the left and +y above, wherever these point."""
+    turn = f'<transform name="to_world"><scale {scale}/></transform>'
+    for kind in ("perspective", "orthographic"):
+        camera = loaded(tmp_path, sensor=sensor(turn, kind=kind)).camera
+        assert np.allclose(camera.frame(), [(right, 0, 0), (0, up, 0), (0, 0, -1 if "z" in scale else 1)])
 
 
 def test_thin_lens(tmp_path: Path) -> None:
@@ -249,7 +267,7 @@ def same(one: FlatScene, other: FlatScene) -> bool:
 
 @pytest.mark.parametrize("suffix", [".toml", ".json"])
 def test_round_trip_gives_the_same_arrays(suffix: str, tmp_path: Path) -> None:
-    move = '<scale value="1.1"/><rotate x="1" y="2" angle="33.3"/><translate z="0.1"/>'
+    move = '<scale value="1.1"/><rotate x="0.6" y="0.8" angle="33.3"/><translate z="0.1"/>'
     move = f'<transform name="to_world">{move}</transform>'
     scene = loaded(
         tmp_path, f'<shape type="sphere"><float name="radius" value="0.3"/>{move}</shape>', '<shape type="cylinder"/>',
@@ -312,3 +330,43 @@ def test_instances_show_every_shape_of_their_group(tmp_path: Path) -> None:
     assert [(shape.kind, *shape.center) for shape in flat.shapes] == [
         ("box", 1, 0, 0), ("sphere", 7, 0, 0), ("box", 10, 0, 0), ("sphere", 16, 0, 0)]  # fmt: skip
     assert all(np.allclose(np.linalg.norm(shape.axes, axis=1), 2) for shape in flat.shapes)
+
+
+def test_a_shape_that_shines_reflects_only_what_its_bsdf_does(tmp_path: Path) -> None:
+    """Mitsuba's grey default is that of shapes which do not shine."""
+    emitter = '<emitter type="area"/>'
+    insides = (emitter, emitter + '<bsdf type="diffuse"/>', "")
+    scene = loaded(tmp_path, *(f'<shape type="rectangle">{inside}</shape>' for inside in insides))
+    bare, dressed, plain = (one.material for one in scene.objects.values())
+    assert scene.materials[bare].type == "emissive" and scene.materials[bare].base is None  # type: ignore[attr-defined]
+    base = scene.materials[dressed].base  # type: ignore[attr-defined]
+    assert scene.materials[base].reflectance == scene.materials[plain].reflectance == (0.5, 0.5, 0.5)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("scale", "flips", "inwards"), [("1", False, False), ("1", True, True), ("-1", False, True),
+                                                        ("-1", True, False)])  # fmt: skip
+def test_spheres_are_inside_out_where_mitsubas_are(scale: str, flips: bool, inwards: bool, tmp_path: Path) -> None:
+    """Sides as Mitsuba 3.9.1 gives them: its sphere's normals follow the hand of the transform, its cylinder's not."""
+    inside = f'<transform name="to_world"><scale x="{scale}"/></transform>'
+    inside += f'<boolean name="flip_normals" value="{str(flips).lower()}"/>'
+    for kind in ("sphere", "cylinder"):
+        flat = loaded(tmp_path, f'<shape type="{kind}">{inside}</shape>').flatten()
+        if not len(flat.triangles):
+            assert not inwards and kind == "sphere"
+            continue
+        triangles = flat.vertices[flat.triangles.astype(int)]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        outwards = (normals * triangles.mean(axis=1) * (1, 1, kind == "sphere")).sum(axis=1)
+        assert (outwards * (-1 if (inwards if kind == "sphere" else flips) else 1) > 0).all(), kind
+
+
+def test_triangles_of_a_ball_close_it_and_have_its_coordinates() -> None:
+    patch = patches.ball()
+    corners = patch.vertices[patch.faces]
+    volume = (np.cross(corners[:, 1], corners[:, 2]) * corners[:, 0]).sum() / 6
+    assert volume == pytest.approx(4 * math.pi / 3, rel=3e-4)
+    middle, (u, v) = corners.mean(axis=1), patch.uv[patch.faces].mean(axis=1).T
+    middle /= np.linalg.norm(middle, axis=1)[:, None]
+    assert np.allclose(np.cos(np.pi * v), middle[:, 2], atol=0.01)
+    ring = np.abs(middle[:, 2]) < 0.9
+    assert np.allclose(np.exp(2j * np.pi * u)[ring], (middle @ (1, 1j, 0) / np.hypot(*middle.T[:2]))[ring], atol=0.02)

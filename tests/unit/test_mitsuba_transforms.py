@@ -21,11 +21,20 @@ STEPS = [
     ("scale", {"value": "3"}, np.diag([3, 3, 3, 1])),
     ("scale", {"value": "1 -2 3"}, np.diag([1, -2, 3, 1])),
     ("rotate", {"z": "1", "angle": "90"}, [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
-    ("rotate", {"y": "2", "angle": "45"}, [[HALF, 0, HALF, 0], [0, 1, 0, 0], [-HALF, 0, HALF, 0], [0, 0, 0, 1]]),
-    ("rotate", {"value": "1,1,1", "angle": "120"}, [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
+    ("rotate", {"y": "1", "angle": "45"}, [[HALF, 0, HALF, 0], [0, 1, 0, 0], [-HALF, 0, HALF, 0], [0, 0, 0, 1]]),
+    ("rotate", {"value": ".57735,.57735,.57735", "angle": "120"},
+     [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
     # looks along +x from (1, 2, 3), z up: left is z cross x = y, up is z
     ("lookat", {"origin": "1,2,3", "target": "5,2,3", "up": "0,0,1"},
      [[0, 0, 1, 1], [1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]]),
+    # without up: of Mitsuba 3.9.1, with left (0.0918, -0.9082, -0.4082)
+    ("lookat", {"origin": "1,2,3", "target": "0,1,5"},
+     [[0.0917517, 0.9082483, -0.4082483, 1], [-0.9082483, -0.0917517, -0.4082483, 2],
+      [-0.4082483, 0.4082483, 0.8164966, 3], [0, 0, 0, 1]]),
+    # an axis that is not of length 1 goes into Rodrigues' formula as it is: of Mitsuba 3.9.1
+    ("rotate", {"value": "1 1 0", "angle": "33"},
+     [[1, 0.1613294, 0.5446390, 0], [0.1613294, 1, -0.5446390, 0], [-0.5446390, 0.5446390, 0.8386706, 0],
+      [0, 0, 0, 1]]),
     ("matrix", {"value": "1 2 3  4 5 6  7 8 9"}, [[1, 2, 3, 0], [4, 5, 6, 0], [7, 8, 9, 0], [0, 0, 0, 1]]),
     ("matrix", {"value": "1 2 3 4 5 6 7 8 9 10 11 12 0 0 0 1"},
      [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12], [0, 0, 0, 1]]),
@@ -34,7 +43,7 @@ STEPS = [
 
 @pytest.mark.parametrize(("tag", "attributes", "expected"), STEPS)
 def test_steps_are_the_matrices_of_the_documentation(tag: str, attributes: dict[str, str], expected: object) -> None:
-    assert np.allclose(matrix_of(tag, attributes), expected, atol=1e-15)
+    assert np.allclose(matrix_of(tag, attributes), expected, rtol=1e-6, atol=1e-7)
 
 
 def test_first_step_acts_first(tmp_path: Path) -> None:

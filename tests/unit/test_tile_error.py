@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from raytide.render.tile_error import lowest, tile_errors
+from raytide.render.tile_error import TileErrors, lowest, tile_errors
 from raytide.render.tile_evidence import TILE
 
 SIZE = (64, 64, 3)
@@ -121,3 +121,17 @@ def test_errors_do_not_hang_on_the_unit_of_radiance(scale: float) -> None:
     assert one is not None and other is not None
     for name in ("relmse", "low", "high"):
         assert np.allclose(getattr(one, name), getattr(other, name), rtol=1e-3), name
+
+
+def test_a_report_lists_all_tiles_of_small_pictures_and_the_worst_of_any() -> None:
+    rng = np.random.default_rng(5)
+    relmse = rng.uniform(0.01, 0.04, (3, 5))
+    relmse[2, 1] = 0.25
+    found = TileErrors(relmse, relmse / 4, 4 * relmse).as_dict()
+    assert found["worst"][0] == {"x": 8, "y": 16, "error": 0.5, "error_low": 0.25, "error_high": 1.0}
+    assert len(found["worst"]) == 10 and (found["rows"], found["columns"], found["pixels"]) == (3, 5, TILE)
+    assert [one["error"] for one in found["worst"]] == sorted((one["error"] for one in found["worst"]), reverse=True)
+    np.testing.assert_allclose(found["error"], np.sqrt(relmse), rtol=1e-3)
+    np.testing.assert_allclose(found["error_high"], 2 * np.sqrt(relmse), rtol=1e-3)
+    large = TileErrors(relmse, relmse, relmse).as_dict(listed=14)
+    assert large["error"] is large["error_low"] is None and large["worst"] and large["median"] < 0.2

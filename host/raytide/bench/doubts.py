@@ -7,6 +7,7 @@ from typing import Any
 
 FLAGS = ("disturbed", "unstable", "drifting")  # the worst first
 ADVICE = {"disturbed": "run it again on an idle machine", "unstable": "run it again"}  # for a whole run, by its flag
+CLOSE = 0.03  # relative: what the order of triangles and the names of kernels may change of a rate
 WIDE = 2.0  # ends of a score's interval, one over the other, from which it needs a warning
 
 

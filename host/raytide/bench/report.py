@@ -7,9 +7,11 @@ from typing import Any
 
 from raytide.bench.compare import Comparison, unit
 from raytide.bench.doubts import ADVICE, flags_of
+from raytide.bench.runner import statuses
 from raytide.bench.score import EDITED_OUTCOME, score_line
 from raytide.bench.sections import HOW_TO_READ, millions, parts_of, points_of
 from raytide.bench.show import figure as text_figure
+from raytide.bench.show import measurements
 from raytide.bench.workloads import WORKLOADS
 from raytide.report.page import Html, Quantity, details, facts, figure, grade, page, paragraph, section, table
 from raytide.report.plot import bars
@@ -40,6 +42,7 @@ def comparison_page(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
         body.append(section(
             f"{name} against {names[0]}",
             paragraph(warning) if warning else None,
+            facts(dict(zip((f"score of {names[0]}", f"score of {name}"), found.scores, strict=True))),
             facts({what: f"{old} | {new}" for what, old, new in found.differences}),
             bars([f"{r.part} {r.name}" for r in found.rows], [r.ratio for r in found.rows], "new / old",
                  [r.low for r in found.rows], [r.high for r in found.rows], width=760),
@@ -78,11 +81,12 @@ def rank(result: dict[str, Any]) -> tuple[bool, float]:
 
 
 def status_of(result: dict[str, Any]) -> str:
-    """What a reader of a summary must know of a result."""
+    """What a reader of a summary must know of a result: statuses of its parts, and flags of its workloads, of all that
+    was measured where there are none."""
     if result.get("edited"):
         return EDITED_OUTCOME
-    rows = result["workloads"]
-    bad = sorted({one["status"] for one in rows} - {"ok"})
+    rows = result["workloads"] or [one for _, _, one in measurements(result)]
+    bad = sorted({*statuses(result).values()} - {"ok"})
     return ", ".join([*(bad or ["ok"]), *(flag for flag in ADVICE if any(flag in flags_of(one) for one in rows))])
 
 
@@ -103,7 +107,7 @@ def summary_page(results: Sequence[dict[str, Any]]) -> str:
     plot = bars([f"{one['device_id']} ({one['suite']})" for one in scored], points, "points", width=760)
     shown = table(SUMMARY_HEAD, rows, "Mrays/s of workloads; a click on a heading sorts.")
     caption = "Points; a quick score and a score are not on the same scale."
-    body: list[Html] = [section("Devices", paragraph(HOW_TO_READ), shown, figure(plot, caption))]
+    body: list[Html] = [section("Devices", paragraph(HOW_TO_READ), shown, figure(plot, caption) if scored else None)]
     for result in results:
         device = result["device"] or {}
         title = f"{device.get('name', result['device_id'])}, {device.get('platform', '')} {device.get('driver', '')}"

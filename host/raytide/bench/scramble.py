@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from raytide.bench.doubts import CLOSE
 from raytide.bench.plan import Plan
 from raytide.bench.workloads import Workload
 from raytide.device import Device, open_device
@@ -18,7 +19,6 @@ from raytide.render import Renderer
 from raytide.report.summary import ratio_of_medians
 from raytide.scene import Scene
 
-CLOSE = 0.03  # relative: what the order of triangles and names may change
 _MOST_TURNS = 40
 
 

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from raytide.bench.clocks import clocks_section
+from raytide.bench.kernel_sections import kernels_sections
 from raytide.bench.pictures import FULL_SCALE
 from raytide.bench.score import EDITED_OUTCOME, interval_line, score_line
 from raytide.bench.show import figure as text_figure
-from raytide.bench.show import measurements, remark
+from raytide.bench.show import measurements, remark, within_words
 from raytide.report.page import (
     Html,
     Quantity,
@@ -60,15 +61,10 @@ PICTURES = (
 PEAKS = "What the device does at best, each result checked. Kernels are held against these figures further below."
 BUILDS = "Trees of one terrain by each builder: triangles a second, and the cost of the tree (lower traces faster)."
 RAYS = (
-    "Fixed sets of rays through three scenes: camera rays (prim), diffuse bounces (diff), shadow rays (shad); with t "
-    "in the order of 8x8 tiles, in which raytide renders, else line by line."
+    "Fixed sets of rays through three scenes: camera rays (prim), what a mirror makes of them (refl), diffuse bounces "
+    "(diff), shadow rays (shad); with t in the order of 8x8 tiles, in which raytide renders, else line by line."
 )
-MODELLED = (
-    "How near the tracing kernels come to the peaks above. Bytes and operations are modelled: visits that an "
-    "instrumented build counted, times what a visit reads and computes. 'gather': reads of node-sized rows at random "
-    "places, from a table that fits the caches where the tree does. Where no share reaches 25 %, latency or "
-    "divergence keeps the device waiting."
-)
+LEFT_OUT = "What was to be measured and was not, or came out wrong."
 LEDGER = "Kernels with everything in them over kernels made for the scene: above 1, leaving out pays."
 COLD = "What comes before the first picture. 'hit': kernels came from the cache, 'miss': they were compiled."
 
@@ -82,9 +78,7 @@ def parts_of(result: dict[str, Any]) -> list[Html]:
                              figure(values_plot(workloads), VALUES)))  # fmt: skip
         parts.append(section("Is the picture right?", paragraph(RIGHT), validity_table(workloads), pictures(workloads)))
     parts += [one for one in (peaks_section(result), builds_section(result), rays_section(result)) if one]
-    if kernels := kernel_rows(workloads):
-        head = ["workload", "kernel", "share of time %", "limited by", "flop %", "gather %", "read %", "launch %"]
-        parts.append(section("Kernels against the peaks of this run", paragraph(MODELLED), table(head, kernels)))
+    parts += kernels_sections(result)
     if gains := ledger_rows(workloads):
         head = ["workload", "build time", "binaries", "run time", "memory"]
         parts.append(section("What leaving out saves", paragraph(LEDGER), table(head, gains)))
@@ -92,9 +86,26 @@ def parts_of(result: dict[str, Any]) -> list[Html]:
     parts += [one for one in others if one]
     if workloads:
         parts.append(section("Cold start", paragraph(COLD), cold_table(workloads)))
+    if rows := left_out_rows(result):
+        parts.append(section("Left out", paragraph(LEFT_OUT), table(["part", "status", "why"], rows)))
     parts.append(section("To repeat it", code(result["command"]), details("hashes, host, environment", facts(
         environment_facts(result)))))  # fmt: skip
     return parts
+
+
+def left_out_rows(result: dict[str, Any]) -> list[list[object]]:
+    """Parts that are not ok as a whole, and measurements that are not, with reasons."""
+    rows: list[list[object]] = []
+    for part in ("peaks", "build", "rays"):
+        whole = result.get(part) or {"status": "ok"}
+        if whole["status"] != "ok":
+            rows.append([part, status_word(whole), whole["reason"]])
+    for scene, found in ((result.get("rays") or {}).get("scenes") or {}).items():
+        if found["status"] != "ok":
+            rows.append([f"rays {scene}", status_word(found), found["reason"]])
+    rows += [[f"{part} {name}", status_word(one), one["reason"]] for part, name, one in measurements(result)
+             if one["status"] != "ok"]  # fmt: skip
+    return rows
 
 
 def device_facts(result: dict[str, Any]) -> dict[str, object]:
@@ -263,19 +274,6 @@ def cost_plots(rays: dict[str, Any]) -> list[Html]:
     return out
 
 
-_SHARES = ("flop", "gather", "bandwidth", "launch")
-
-
-def kernel_rows(workloads: Sequence[dict[str, Any]]) -> list[list[object]]:
-    rows: list[list[object]] = []
-    for one in workloads:
-        for kernel in one.get("kernels", []):
-            if shares := kernel.get("frac_of_peak"):
-                rows.append([one["id"], kernel["name"], 100 * kernel["share"], kernel["limiter"],
-                             *(share(shares.get(name)) for name in _SHARES)])  # fmt: skip
-    return rows
-
-
 def ledger_rows(workloads: Sequence[dict[str, Any]]) -> list[list[object]]:
     keys = ("build_s", "binary_bytes", "run_s", "device_bytes")
     return [[one["id"], *(one["ledger"]["everything_over_needed"].get(key) for key in keys)]
@@ -304,10 +302,13 @@ def scramble_section(workloads: Sequence[dict[str, Any]]) -> Html | None:
     found = [(one["id"], one["scramble"]) for one in workloads if one.get("scramble")]
     if not found:
         return None
-    rows = [[name, one["ratio"], *one["ci95"], grade("yes" if one["same"] else "no", one["same"])]
+    rows = [[name, one["ratio"], *one["ci95"], grade(within_words(one).lower(), one["same"])]
             for name, one in found]  # fmt: skip
     head = ["workload", "disguised / plain", "95 % from", "to", "within 3 %"]
-    text = "Triangles in another order and kernels under other names, timed in turns with the plain workload."
+    text = (
+        "Triangles in another order and kernels under other names, timed in turns with the plain workload. 'no' only "
+        "where the whole interval is further off; 'not certain' where it reaches across the bound."
+    )
     return section("In disguise", paragraph(text), table(head, rows, digits=4))
 
 

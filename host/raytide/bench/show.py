@@ -7,7 +7,7 @@ import io
 import statistics
 from typing import Any
 
-from raytide.bench.doubts import flags_of
+from raytide.bench.doubts import CLOSE, flags_of
 from raytide.bench.score import EDITED, EDITED_OUTCOME, interval_line, score_line, standing
 
 _WORDS = ("", "LIMITED BY")  # heads of columns of words
@@ -217,8 +217,15 @@ def scramble_table(workloads: list[dict[str, Any]]) -> str:
     for one in workloads:
         if found := one.get("scramble"):
             interval = "{:.3f} to {:.3f}".format(*found["ci95"])
-            rows.append([one["id"], f"{found['ratio']:.3f}", interval, "yes" if found["same"] else "NO"])
+            rows.append([one["id"], f"{found['ratio']:.3f}", interval, within_words(found)])
     return aligned(["SCRAMBLED", "OVER PLAIN", "95 %", "WITHIN 3 %"], rows) if rows else ""
+
+
+def within_words(found: dict[str, Any]) -> str:
+    """Whether a disguised rate is within the bound: only an interval that lies on one side of it is certain."""
+    low, high = found["ci95"]
+    certain = low >= 1 - CLOSE and high <= 1 + CLOSE
+    return ("yes" if certain else "not certain") if found["same"] else "NO"
 
 
 def verdict(result: dict[str, Any]) -> str:
@@ -238,7 +245,9 @@ def verdict(result: dict[str, Any]) -> str:
 
 
 COLUMNS = ("part", "name", "status", "reason", "metric", "unit", "median", "mad", "min", "max", "n", "ci_low",
-           "ci_high", "cv", "unstable", "drifting")  # fmt: skip
+           "ci_high", "cv", "unstable", "drifting", "disturbed", "left_out", "samples_per_s",
+           "noise_1s_relmse")  # fmt: skip
+RUN = ("suite", "class", "created_utc", "run_id")  # of every row, so that files of several runs can be joined
 
 
 def csv_text(result: dict[str, Any]) -> str:
@@ -246,14 +255,14 @@ def csv_text(result: dict[str, Any]) -> str:
     edited = EDITED if result.get("edited") else ""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(("device", *COLUMNS))
+    writer.writerow(("device", *COLUMNS, *RUN))
     for part, name, one in measurements(result):
         summary = one.get("summary") or {}
         low, high = summary.get("ci95", ("", ""))
         reason = "; ".join(filter(None, (edited, one["reason"])))
         values = [part, name, one["status"], reason, *(summary.get(key, "") for key in COLUMNS[4:11]), low, high,
                  *(summary.get(key, "") for key in COLUMNS[13:])]  # fmt: skip
-        writer.writerow((result["device_id"], *values))
+        writer.writerow((result["device_id"], *values, *(result[key] for key in RUN)))
     return out.getvalue()
 
 

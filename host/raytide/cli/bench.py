@@ -266,8 +266,8 @@ def compare(
 ) -> int:
     """Compare result files with the first of them: what differs around them, then ratios with intervals.
 
-    Exit code 5 with --fail-above where a measurement became worse by more than that, and by more than noise. What
-    others disturbed does not count.
+    Exit code 5 with --fail-above where a measurement became worse by more than that, and by more than noise, or was
+    right in the first and is wrong or has failed since. What others disturbed does not count.
 
     Parameters
     ----------
@@ -297,6 +297,7 @@ def compare(
         if share is not None:
             worse += [f"{name}: {row.part} {row.name} {row.ratio:.3f}" + (f" ({row.remark})" if row.remark else "")
                       for row in one.regressions(share)]  # fmt: skip
+            worse += [f"{name}: {what}: {reason}" for what, reason in one.lost]
             if said := one.not_judged():
                 say(f"fail-above: {name}: {said}")
     if html:

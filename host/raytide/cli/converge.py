@@ -166,9 +166,13 @@ def about(plan: Plan, begun: float) -> dict[str, Any]:
     import platform
 
     import raytide
+    from raytide.bench.record import tool_record
 
+    tool = tool_record()
     return {
         "raytide": raytide.__version__,
+        "git_commit": tool["git_commit"],
+        "git_dirty": tool["git_dirty"],
         "command": shlex.join(["raytide", *COMMAND_WORDS.get()]),
         "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "machine": f"{platform.machine()}, {platform.platform()}, Python {platform.python_version()}",
@@ -192,6 +196,8 @@ def write(output: Path, outcomes: list[Outcome], facts: dict[str, Any], reporter
     plotted = write_plot(output / "converge.png", outcomes)
     if not plotted:
         reporter.say("no converge.png: matplotlib is not installed (pip install 'raytide[report]')")
+    for warning in filter(None, (outcome.warning() for outcome in outcomes)):
+        reporter.say(warning)
     print(lines(outcomes))
     names = ["renders.csv", "converge.json", "converge.html", *(["converge.png"] if plotted else [])]
     print(*(output / name for name in names), sep="\n")

@@ -12,6 +12,8 @@ from typing import Any, Protocol
 from raytide.cli.progress_text import figures, json_line, left_words, plain_line
 
 EVERY_S = 10.0
+WORDS = 70  # columns that figures and what is left take
+FIRST = 0.9  # of the time to an error: a limit that comes before this is told beside it
 
 
 class Progress(Protocol):
@@ -94,9 +96,11 @@ class Bar:
             def render(column, task: Task) -> Text:
                 return Text(self.time_left())
 
-        columns = (BarColumn(), TextColumn("{task.fields[figures]}"), TimeLeft())
-        self.progress = RichProgress(*columns, console=Console(stderr=True), transient=True)
-        self.end, self.aim = None, ""
+        console = Console(stderr=True)
+        bar = BarColumn(bar_width=min(40, max(4, console.width - WORDS)))  # words that wrap are hard to read
+        columns = (bar, TextColumn("{task.fields[figures]}"), TimeLeft())
+        self.progress = RichProgress(*columns, console=console, transient=True)
+        self.end, self.aim, self.first = None, "", False
         self.task = self.progress.add_task("", total=1.0, figures="building kernels")
         self.progress.start()
 
@@ -104,14 +108,19 @@ class Bar:
         """Move the bar: the share of the time to the first limit that is behind."""
         left, done = status.get("left_s"), float(status.get("seconds", 0.0))
         self.end = None if left is None else time.monotonic() + left
-        self.aim = left_words(status) if status.get("prediction") else ""
+        aim = status.get("prediction")
+        self.aim = left_words(status) if aim else ""
+        self.first = left is not None and aim is not None and left < FIRST * aim["left_s"]
         share = done / (done + left) if left is not None and done + left > 0 else 0.0
         self.progress.update(self.task, completed=share, figures=figures(status))
 
     def time_left(self) -> str:
-        """`ETA 1:05`, with the prediction where an error is to be reached; nothing before the first pass."""
+        """`ETA 1:05`; the prediction where an error is to be reached, after the ETA only where another limit is to end
+        the render before that; nothing before the first pass."""
         if self.end is None:
             return ""
+        if self.aim and not self.first:
+            return self.aim
         left = max(0, round(self.end - time.monotonic()))
         return "  ".join(part for part in (f"ETA {left // 60}:{left % 60:02}", self.aim) if part)
 

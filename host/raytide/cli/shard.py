@@ -16,7 +16,7 @@ from raytide.cli.options import check_outputs
 from raytide.cli.outputs import bias_words, check_health
 from raytide.cli.parameters import Exposure, Half, LogJson, NoClobber, Outputs, Quiet, Verbose
 from raytide.cli.progress import progress_for, set_up_logging
-from raytide.cli.progress_text import percent
+from raytide.cli.progress_text import error_with_band
 from raytide.cli.signals import SIGNALS, StopOnSignal
 from raytide.errors import UsageError
 
@@ -95,7 +95,7 @@ def merge(
         film.save(path, aovs=LAYERS, half=half, exposure=exposure, no_clobber=no_clobber)
     if not quiet:
         height, width = film.rgb.shape[:2]
-        error = f"estimated error {percent(film.error.error)}" if film.error else "error unknown"
+        error = f"estimated {error_with_band(film.error.as_dict())}" if film.error else "error unknown"
         error += bias_words(film)
         print(f"raytide: {width}x{height}, {film.spp} spp of {len(shards)} shards, {error}", file=sys.stderr)
     print(*output, sep="\n", flush=True)

@@ -175,8 +175,11 @@ class Device:
         local_size: int | Sequence[int],
         *args: Buffer | np.generic,
         label: str | None = None,
+        first_item: int = 0,
     ) -> None:
         """Start a kernel and go on; `args` are buffers and numpy scalars of the declared types.
+
+        Work-items count from `first_item` on, a multiple of the local size: as that part of a larger launch.
 
         The global size is rounded up to a multiple of the local size: kernels guard their index. Device time is
         counted under `label` (the kernel's name unless told); nothing is started for an empty global size.
@@ -185,6 +188,7 @@ class Device:
         whole = tuple(-(-n // m) * m for n, m in zip(_sizes(global_size), local, strict=True))
         if 0 in whole:
             return
+        offset = (first_item,) if first_item else None
         first = kernel not in program.kernels
         handle = self._kernel(program, kernel) if first else program.kernels[kernel]
         if first:
@@ -193,7 +197,7 @@ class Device:
         try:
             for index, argument in enumerate(args):
                 handle.set_arg(index, argument.handle if isinstance(argument, Buffer) else argument)
-            event = self._cl.enqueue_nd_range_kernel(self._queue, handle, whole, local)
+            event = self._cl.enqueue_nd_range_kernel(self._queue, handle, whole, local, offset)
             if first:
                 event.wait()
                 program.first_launch_s += time.perf_counter() - start - event_seconds(event)

@@ -100,8 +100,8 @@ class Checkpoints:
         free = shutil.disk_usage(place).free
         if free < needed:
             raise UsageError(
-                f"{self.path}: came {free >> 20} MiB of free disk; wanted {needed >> 20} MiB or more for the sums of "
-                "this picture; nothing was rendered"
+                f"{self.path}: came {free >> 20} MiB of free disk; wanted {-(-needed >> 20)} MiB or more for the sums "
+                "of this picture; nothing was rendered"
             )
         if free < GENERATIONS * needed:
             _log.warning(

@@ -283,7 +283,8 @@ def _camera(flat: FlatScene, origin: np.ndarray) -> np.ndarray:
     if isinstance(camera, ThinLens):
         row["origin"][0, 3] = camera.aperture
         row["right"][0, 3] = 1.0 / camera.focus_distance
-    step = 2 * half / height  # pixels are square
+    step = 2 * half / height
+    across = step * camera.stretch if isinstance(camera, Orthographic) else step  # pixels are square unless stretched
     right_of, above = (part * height for part in camera.shift)
-    row["raster"][0] = (width / 2 - right_of, height / 2 + above, step, -step)
+    row["raster"][0] = (width / 2 - right_of, height / 2 + above, across, -step)
     return row

@@ -10,10 +10,11 @@ hides: both may be so at once. Fitted to the shipped scenes; `raytide audit` cou
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from raytide.render.tile_evidence import Evidence, factor, gather, power_of_four
+from raytide.render.tile_evidence import TILE, Evidence, factor, gather, power_of_four
 
 STEEPEST = 3.0
 POOLED = 2.0  # pixels' worth of the picture's slope in that of a tile
@@ -25,6 +26,8 @@ SPREAD_UP, SPREAD_UP_SETTLED, LEAST, LEAST_SETTLED, SPREAD_RELATIVE = 4.0, 1.0, 
 BENT = 2.0  # power of (mean of all kinds of differences / estimate) by which the low end reaches out
 AROUND = 0.5  # of what the neighbours have, over 1 and the pixels that rule: what a tile may have missed
 CERTAINTY = 1.96
+MOST_LISTED = 4096  # tiles in a report one by one: 512x512 pixels
+MOST_WORST = 10
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,28 @@ class TileErrors:
     relmse: np.ndarray
     low: np.ndarray
     high: np.ndarray
+
+    def as_dict(self, listed: int = MOST_LISTED) -> dict[str, Any]:
+        """For JSON, as errors (roots of relMSE): the tiles of the largest with their places, and rows of all of them
+        where they are at most `listed`, else null."""
+        rows, columns = self.relmse.shape
+        known = [np.sqrt(np.asarray(one, np.float64)) for one in (self.relmse, self.low, self.high)]
+        names = ("error", "error_low", "error_high")
+        worst = []
+        for place in np.argsort(-known[0], axis=None, kind="stable")[:MOST_WORST]:
+            row, column = divmod(int(place), columns)
+            band = {name: digits(one[row, column]) for name, one in zip(names, known, strict=True)}
+            worst.append({"x": column * TILE, "y": row * TILE, **band})
+        out: dict[str, Any] = {"pixels": TILE, "rows": rows, "columns": columns,
+                               "median": digits(np.median(known[0])), "worst": worst}  # fmt: skip
+        few = self.relmse.size <= listed
+        return out | {name: [[digits(value) for value in line] for line in one] if few else None
+                      for name, one in zip(names, known, strict=True)}  # fmt: skip
+
+
+def digits(value: float) -> float:
+    """Four digits are more than an error has."""
+    return float(f"{value:.4g}")
 
 
 def tile_errors(mean: np.ndarray, now: np.ndarray, before: np.ndarray, spp: int) -> TileErrors | None:

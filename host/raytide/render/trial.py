@@ -1,28 +1,35 @@
 """Which variant of the traversal traces which kind of wave: tried on a render's own first launches, and remembered.
 
-Nothing is traced twice and no scene is made up for it: launches of a kind take turns between the variants, all of which
-give the same bits, until each has had enough of them; the fastest traces that kind from then on, by the median of
-each one's rates: a launch that another program slowed decides nothing, nor does one whose rays were easy. The outcome
-is kept by device, driver, kernels and kind. A render with fewer launches ends before its trial does, and waits for
-nothing.
+Nothing is traced twice and no scene is made up for it: a launch is cut into parts, which the variants take in turn, and
+all give the same bits. Neighbouring parts are alike where launches are not: a camera ray into the sky costs a tenth of
+one to the horizon. After enough rounds of parts, the variant with the least share of their time traces that kind from
+then on, by the median: a part that something slowed decides nothing. On CPUs it is time of the process, whatever other
+programs run beside it. Launches of few samples a pixel do not count, since rays of one pixel go together best. The
+outcome is kept by device, driver, kernels and kind. A render with fewer launches ends before its trial does, and waits
+for nothing.
 """
 
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from statistics import median
+from statistics import fmean, median
 from typing import Any
 
 from raytide.device import Device
 from raytide.device.cache import FileCache, digest
 from raytide.device.compile import binary_key
+from raytide.kernels.constants import TILE, TILE_GROUP
 from raytide.render.schedule import KINDS, Variant, usual_variant
 
 FEWEST_RAYS = 4096  # of a launch that counts
-ROUNDS = 4  # launches of each variant; the first one is left out, since drivers do work of their own then
+FEWEST_SAMPLES = 8  # a pixel, of the pass that it belongs to
+TURNS = 4  # rounds of a launch, in which each variant traces a part, unless parts would have fewer rays than PART
+PART = 2 * TILE * TILE_GROUP
+ROUNDS = 12  # that count; the first one is left out, since drivers do work of their own then
 LONGEST_S = 0.3  # launches of all trials of a render; after that none begins, and one that goes on ends at once
 
 
@@ -32,8 +39,8 @@ class _Kind:
 
     chosen: Variant | None = None
     source: str = "usual"  # "usual", "trial" or "cache"
-    launches: dict[str, int] = field(default_factory=dict)
-    counted: dict[str, list[float]] = field(default_factory=dict)  # rays/s of each variant's launches that count
+    round: dict[str, float] = field(default_factory=dict)  # seconds a ray of variants that had their part by now
+    rounds: list[dict[str, float]] = field(default_factory=list)  # those that are whole
     rates: dict[str, float] = field(default_factory=dict)
 
 
@@ -48,6 +55,9 @@ class Trial:
         self.device, self.variants = device, variants
         self._size = str(triangles.bit_length()) if any(variant.listed for variant in variants) else ""
         self.spent_s = 0.0
+        self.samples = FEWEST_SAMPLES  # a pixel, of what is being traced
+        steady = device.kind == "cpu" and sys.platform != "win32"  # whose clock of a process is too coarse
+        self._clock = time.process_time if steady else time.perf_counter
         self._cache, self._keeps = FileCache("traversal"), True
         self._kernels = digest(*(f"{name} {sha}" for name, sha in sorted(kernels.items())))
         self._kinds = {kind: _Kind() for kind in KINDS}
@@ -74,40 +84,46 @@ class Trial:
         """Whether nothing is left to measure for a kind of wave, so that the number of its rays does not matter."""
         return self._kinds[kind].chosen is not None
 
-    def trace(self, kind: str, rays: int, launch: Callable[[Variant], None]) -> Variant:
-        """Launches one variant for `rays` rays of a kind, timed where the kind's trial still goes on; gives it."""
-        state = self._kinds[kind]
-        if state.chosen is not None:
-            launch(state.chosen)
-            return state.chosen
-        if rays < FEWEST_RAYS or (self.spent_s >= LONGEST_S and not state.launches):
-            usual = usual_variant(self.variants, kind)
-            launch(usual)
-            return usual
-        variant = min(self._able(kind), key=lambda one: state.launches.get(one.name, 0))
-        self.device.finish()
-        begun = time.perf_counter()
-        launch(variant)
-        self.device.finish()
-        self._count(kind, variant, rays, time.perf_counter() - begun)
+    def trace(self, kind: str, rays: int, launch: Callable[[Variant, int, int], None]) -> Variant:
+        """Lets one variant trace `rays` rays of a kind, or several in turn where the kind's trial still goes on; gives
+        the one that traced the last. `launch(variant, begin, end)` traces some of the rays."""
+        state, able = self._kinds[kind], self._able(kind)
+        variant = state.chosen or usual_variant(self.variants, kind)
+        late = self.spent_s >= LONGEST_S and not state.rounds
+        if state.chosen or rays < FEWEST_RAYS or self.samples < FEWEST_SAMPLES or late:
+            launch(variant, 0, rays)
+            return variant
+        size = max(PART, -(-rays // (TURNS * len(able) * PART)) * PART)
+        for begin in range(0, rays, size):
+            place, end = len(state.round), min(begin + size, rays)
+            variant = able[-1 - place if len(state.rounds) % 2 else place]  # so that none is always the first
+            state.round[variant.name] = self._seconds(launch, variant, begin, end) / (end - begin)
+            if len(state.round) == len(able):
+                state.rounds.append(state.round)
+                state.round = {}
+        self._end_if_due(kind)
         return variant
 
-    def _count(self, kind: str, variant: Variant, rays: int, seconds: float) -> None:
-        state, name = self._kinds[kind], variant.name
-        self.spent_s += seconds
-        first = name not in state.launches
-        state.launches[name] = state.launches.get(name, 0) + 1
-        if first:
+    def _seconds(self, launch: Callable[[Variant, int, int], None], variant: Variant, begin: int, end: int) -> float:
+        self.device.finish()
+        clock, wall = self._clock(), time.perf_counter()
+        launch(variant, begin, end)
+        self.device.finish()
+        self.spent_s += time.perf_counter() - wall
+        return max(self._clock() - clock, 1e-9)
+
+    def _end_if_due(self, kind: str) -> None:
+        """Decides after rounds enough, or some where no time is left, by the median of each variant's share in them."""
+        rounds = self._kinds[kind].rounds[1:]
+        if len(rounds) < (1 if self.spent_s >= LONGEST_S else ROUNDS):
             return
-        state.counted.setdefault(name, []).append(rays / max(seconds, 1e-9))
-        able = self._able(kind)
-        least = min(state.launches.get(one.name, 0) for one in able)
-        if least >= ROUNDS or (least > 1 and self.spent_s >= LONGEST_S):
-            rates = {one.name: median(state.counted[one.name]) for one in able}
-            self._decide(kind, rates, "trial")
-            facts = {"device": self.device.info.id, "driver": self.device.info.driver, "kind": kind}
-            if self._keeps:
-                self._cache.put(self._key(kind), facts, json.dumps(rates).encode())
+        usual = median(fmean(one.values()) for one in rounds)  # seconds a ray
+        shares = {name: median(one[name] / fmean(one.values()) for one in rounds) for name in rounds[0]}
+        rates = {name: 1.0 / (usual * share) for name, share in shares.items()}
+        self._decide(kind, rates, "trial")
+        facts = {"device": self.device.info.id, "driver": self.device.info.driver, "kind": kind}
+        if self._keeps:
+            self._cache.put(self._key(kind), facts, json.dumps(rates).encode())
 
     def _decide(self, kind: str, rates: dict[str, float], source: str) -> None:
         state = self._kinds[kind]
@@ -129,7 +145,7 @@ class Trial:
     def _key(self, kind: str) -> str:
         info = self.device.info
         names = " ".join(one.name for one in self._able(kind))
-        return digest("traversal", binary_key(info, self.device.options, self._kernels), kind, names,
+        return digest("traversal in parts", binary_key(info, self.device.options, self._kernels), kind, names,
                       str(info.compute_units), self._size)  # fmt: skip
 
     def as_dict(self) -> dict[str, Any]:

@@ -193,6 +193,7 @@ class Waves:
         items = groups.count * TILE if groups else tiles * TILE * samples
         extra = groups.buffers if groups else ()
 
+        self.trial.samples = samples
         if self.cut:
             self.device.fill(self.cut, 0)
 
@@ -239,8 +240,9 @@ class Waves:
     def _primary(self, extra: tuple[Buffer, ...], *numbers: int) -> None:
         """`numbers`: place in the queue, first item, items, first tile, first sample and samples of the chunk."""
         place, _, count = numbers[:3]
+        items, local = trace_launch(count, alone=self.device.kind == "gpu")
         self.device.launch(
-            self.programs["primary"], "primary", count, 64,
+            self.programs["primary"], "primary", items, local,
             self.scene.camera, self.settings, self.queues[0], *(np.uint32(x) for x in numbers),
             self.path_rays, self.throughput, self.paths, self.samples, *self.scatterings, *self._media, *extra,
             label="camera",
@@ -258,11 +260,13 @@ class Waves:
         """Traces `count` rays by the variant of the traversal that is fastest for them."""
         geometry = self.scene.geometry(kind)
 
-        def launch(variant: Variant) -> None:
+        def launch(variant: Variant, begin: int, end: int) -> None:
             name = wave + variant.suffix
-            items, local = trace_launch(count, alone=not variant.together and self.device.kind == "gpu")
+            alone = not variant.together and self.device.kind == "gpu"
+            items, local = trace_launch(end - begin, alone)
             lists = self.scene.listed if variant.listed else ()
-            self.device.launch(self.programs[name], name, items, local, *geometry, *lists, *arguments, label=label)
+            self.device.launch(self.programs[name], name, items, local, *geometry, *lists, *arguments, label=label,
+                               first_item=begin if alone else begin // TILE)  # fmt: skip
 
         self.traced_by[label] = self.trial.trace(kind_of(label), count, launch).name
 

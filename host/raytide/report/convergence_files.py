@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ from raytide.report.experiment import Plan, Track
 from raytide.report.start_cost import StartCost
 
 SCHEMA = "raytide.converge/1"
+MOST_DRIFT = 0.05  # of the time of a render: above, times are not to be relied on
+LEAST_REPLICATES = 6  # that tell a drift
 TARGETS = (0.1, 10**-1.5, 0.01)  # errors, roots of relMSE 1e-2, 1e-3, 1e-4
 
 
@@ -42,12 +45,36 @@ class Outcome:
         start = self.starts.get(track.variant.name)
         return start.warm_s if start else track.set_up["in_process"]
 
+    def drift(self) -> float | None:
+        """How much longer renders of the last third of the replicates took than those of the first, as a share. They
+        are equal work, and all variants and budgets take turns: what differs is the machine. None for budgets of time
+        and for few replicates."""
+        taken: dict[int, list[float]] = {}
+        for track in self.tracks:
+            for point in complete(track):
+                for row in point.rows:
+                    taken.setdefault(row.replicate, []).append(row.render_s / max(point.render_s, 1e-9))
+        if not self.plan.most_spp or len(taken) < LEAST_REPLICATES:
+            return None
+        course, third = [statistics.median(taken[one]) for one in sorted(taken)], len(taken) // 3
+        return statistics.median(course[-third:]) / statistics.median(course[:third]) - 1
+
+    def warning(self) -> str | None:
+        """What voids the times, for people."""
+        drift = self.drift()
+        if drift is None or abs(drift) <= MOST_DRIFT:
+            return None
+        word = "longer" if drift > 0 else "less"
+        return (f"{self.name}: the last renders took {100 * abs(drift):.0f} % {word} than the first, for equal work: "
+                "the machine changed meanwhile, its times are not to be relied on")  # fmt: skip
+
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "scene": str(self.plan.scene),
             "size": [self.truth.rgb.shape[1], self.truth.rgb.shape[0]],
             "reference": {"file": self.truth.name, "epsilon": self.truth.epsilon, "own_relmse": self.truth.own_relmse},
+            "drift": self.drift(),
             "variants": [self.track_dict(track) for track in self.tracks],
         }
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any
 
-from raytide.report.convergence import Fit, Point
+from raytide.report.convergence import Fit, Point, efficiency
 from raytide.report.convergence_files import TARGETS, Outcome, complete
 from raytide.report.experiment import Track
 from raytide.report.page import (
@@ -53,8 +53,10 @@ def explanation() -> Html:
         "What the words mean",
         paragraph("error: the root of relMSE, the mean of ((x - y)² - v) / (y² + e²) over pixels and channels, y the "
                   "reference, v its own variance, e 1 % of its mean. 0.01 is 1 %. Bands are 95 % intervals."),
-        paragraph("slope: of log error on log samples; plain Monte Carlo has -0.5. b²: what relMSE = A/N + b² leaves "
-                  "at N without end, a bias. Both with intervals by bootstrap over replicates."),
+        paragraph("slope: of log error on log samples; plain Monte Carlo has -0.5. In relMSE = A/N + b² "
+                  "b² is what is left at N without end, a bias. Intervals by bootstrap over replicates."),
+        paragraph("efficiency: 1 / (relMSE x seconds of rendering), twice is twice as good; empty where the reference "
+                  "is too noisy to tell."),
         paragraph("wall time: of the whole command with warm caches, from the start of the process to the written "
                   "file. ~ marks a time that was extrapolated, by at most one octave."),
         paragraph("estimate / truth: the error that renders estimated of themselves, as relMSE, over the true one."),
@@ -73,7 +75,7 @@ def summary(outcomes: Sequence[Outcome]) -> Html:
                 *(reached(outcome, track, target) for target in TARGETS),
                 outcome.set_up_s(track), start.cold_s if start and start.cold_s is not None else "",
             ])  # fmt: skip
-    head = ["scene", "variant", "slope", "99 %", "b²", "95 %", *(f"s to {100 * one:.2g} %" for one in TARGETS),
+    head = ["scene", "variant", "slope", "99 %", "A", "b²", "95 %", *(f"s to {100 * one:.2g} %" for one in TARGETS),
             "set-up warm s", "set-up cold s"]  # fmt: skip
     return section("What the curves say", table(head, rows))
 
@@ -81,9 +83,9 @@ def summary(outcomes: Sequence[Outcome]) -> Html:
 def fit_cells(found: Fit | None) -> list[object]:
     """Slope, floor and their intervals."""
     if found is None:
-        return ["", "", "", ""]
+        return ["", "", "", "", ""]
     interval = lambda ends: f"{ends[0]:.3g} … {ends[1]:.3g}"  # noqa: E731
-    return [found.slope, interval(found.slope99), found.floor, interval(found.floor95)]
+    return [found.slope, interval(found.slope99), found.a, found.floor, interval(found.floor95)]
 
 
 def reached(outcome: Outcome, track: Track, target: float) -> str:
@@ -98,12 +100,14 @@ def scene_section(outcome: Outcome) -> Html:
     own = math.sqrt(max(outcome.truth.own_relmse, 0.0))
     name = PurePath(outcome.truth.name).name
     about = f"{width}x{height}, reference {name} with an error of its own of {100 * own:.2g} %"
+    warning = outcome.warning()
     plots = [figure(time_plot(outcome, way, label)) for way, label in WAYS]
     if outcome.plan.most_spp:
         plots.append(figure(sample_plot(outcome), "Dashed: half the error for four times the samples, slope -0.5."))
     plots.append(figure(estimate_plot(outcome), "What renders thought of themselves; 1 is right."))
     tables = [details(f"{track.variant.name}: all points", point_table(outcome, track)) for track in outcome.tracks]
-    return section(outcome.name, paragraph(about), element("div", *plots, class_="row"), *tables, pictures(outcome))
+    return section(outcome.name, paragraph(about), paragraph(warning) if warning else None,
+                   element("div", *plots, class_="row"), *tables, pictures(outcome))  # fmt: skip
 
 
 def time_plot(outcome: Outcome, way: str, label: str) -> Html:
@@ -157,11 +161,12 @@ def point_table(outcome: Outcome, track: Track) -> Html:
     keys = ("budget", "replicates", "spp", "render_s", "relmse", "relmse_low", "relmse_high", "relative_variance",
             "relative_bias2", "mse", "smape", "flip", "tail", "largest", "estimate_ratio", "band_held")  # fmt: skip
     head = ["budget", "renders", "spp", "render s", "relMSE", "low", "high", "spread", "bias²", "MSE", "SMAPE",
-            "HDR-FLIP", "99.9 % error", "largest error", "estimate / truth", "band held"]  # fmt: skip
+            "HDR-FLIP", "99.9 % error", "largest error", "estimate / truth", "band held", "efficiency"]  # fmt: skip
     rows = []
     for point in complete(track):
         found = point.figures()
-        rows.append(["" if found[key] is None else found[key] for key in keys])
+        rows.append([*("" if found[key] is None else found[key] for key in keys),
+                     efficiency(point) if point.counts() else ""])  # fmt: skip
     return table(head, rows, f"set-up of the command {outcome.set_up_s(track):.3g} s")
 
 

@@ -188,6 +188,8 @@ def run(plan: Plan, truth: Truth, devices: Devices, stopped: Callable[[], bool],
             track.set_up = {"in_process": time.perf_counter() - begun, **renderer.times}
             track.provenance = dict(renderer.film.provenance["raytide"])  # type: ignore[call-overload]
             track.provenance["precision"] = variant.precision
+            for key in ("spp", "seed", "time_s"):  # nothing is rendered yet; every render has its own
+                track.provenance.pop(key, None)
             renderers.append(renderer)
             tracks.append(track)
         check_size(tracks, renderers, truth)

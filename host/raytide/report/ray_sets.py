@@ -1,12 +1,15 @@
-"""The ray sets of the ray suite: camera rays, diffuse bounces and shadow rays of one scene, as records Ray.
+"""The ray sets of the ray suite: camera rays, mirrored ones, diffuse bounces and shadow rays of one scene, as records
+Ray.
 
     prim, primt   one jittered camera ray a pixel
+    refl, reflt   the camera ray as a mirror throws it back from where it hit
     diff, difft   a cosine-distributed ray from each camera hit
     shad, shadt   a ray from each camera hit to a random point of the light; t_max = 1 is that point
 
 The first of each pair is in scanline order of pixels, the second in the order in which raytide renders: 8x8 tiles.
-All sets are equally long: where camera rays leave the scene, hits are used again with other random numbers. Bounces
-and shadow rays start a little above the surface and name no primitive, so that any tracer may take the same bytes.
+All sets are equally long: where camera rays leave the scene, hits are used again with other random numbers (mirrors
+have none). What starts at a surface starts a little above it and names no primitive, so that any tracer may take the
+same bytes.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from raytide.kernels.records import NONE, RECORDS
 from raytide.report.ray_scenes import RayScene
 
 T_MAX = 3.0e38  # rays without an end
-SETS = ("prim", "primt", "diff", "difft", "shad", "shadt")
+SETS = ("prim", "primt", "refl", "reflt", "diff", "difft", "shad", "shadt")
 _TILE = 8
 _OFFSET = 2e-5  # of the scene's diagonal, along the normal
 
@@ -47,6 +50,7 @@ def make_ray_sets(scene: RayScene, size: int, closest: Closest) -> dict[str, Ray
         again = np.arange(size * size) // max(len(found), 1)
         point, normal = surfaces(scene, camera[pixels], hits[pixels])
         sets["prim" + suffix] = RaySet("prim" + suffix, camera[order], False)
+        sets["refl" + suffix] = RaySet("refl" + suffix, mirrored(camera[pixels], point, normal), False)
         sets["diff" + suffix] = RaySet("diff" + suffix, bounces(point, normal, pixels, again), False)
         sets["shad" + suffix] = RaySet("shad" + suffix, to_light(scene, point, pixels, again), True)
     return {name: sets[name] for name in SETS}
@@ -91,6 +95,12 @@ def surfaces(scene: RayScene, rays: np.ndarray, hits: np.ndarray) -> tuple[np.nd
     u, v = hits["u"][:, None].astype(np.float64), hits["v"][:, None].astype(np.float64)
     point = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
     return point + _OFFSET * scene.diagonal * normal, normal
+
+
+def mirrored(rays: np.ndarray, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """What mirrors at `point` with unit normals `normal`, both (n, 3), make of `rays`, which met them."""
+    direction = rays["direction"][:, :3].astype(np.float64)
+    return ray_records(point, direction - 2 * (direction * normal).sum(axis=1, keepdims=True) * normal, T_MAX)
 
 
 def bounces(point: np.ndarray, normal: np.ndarray, pixels: np.ndarray, again: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The ray suite: how many rays a second a device traces, by raytide's own kernels, in three scenes and six ray sets.
+"""The ray suite: how many rays a second a device traces, by raytide's own kernels, in three scenes and eight ray sets.
 
 Values are made of many launches and repeated; medians are reported with their spread and with all raw values. Inputs
 are named by their SHA-256, so that only equal work is compared.

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from raytide.scene.model import Table
-from raytide.scene.values import Direction, Kind, Number, Point, as_count, as_list, as_number, key
+from raytide.scene.values import Direction, Flag, Kind, Number, Point, as_count, as_list, as_number, key
 
 MOST_PIXELS = 2**28
 LONGEST_SIDE = 65536
@@ -53,6 +53,7 @@ class Camera(Table):
     up: Direction = key((0.0, 1.0, 0.0), doc="direction that points up in the picture")
     size: Size = key((640, 360), unit="pixels", doc="width and height of the picture")
     shift: Shift = key((0.0, 0.0), unit="heights", doc="of the picture off the axis, for crops and rising fronts")
+    mirror: Flag = key(False, doc="show the picture as a mirror would: left and right change places")
 
     FIRST: ClassVar[str] = ""
 
@@ -68,12 +69,13 @@ class Camera(Table):
         return self
 
     def frame(self) -> np.ndarray:
-        """(3, 3) float64, rows right, up, forward: unit vectors in world space; up is perpendicular to the view."""
+        """(3, 3) float64, rows right, up, forward: unit vectors in world space; up is perpendicular to the view. Right
+        is that of the picture: to the left of the viewer where it is mirrored."""
         view = np.subtract(self.target, self.origin)
         forward = view / math.hypot(*view)
         right = np.cross(forward, np.divide(self.up, math.hypot(*self.up)))
         right /= math.hypot(*right)
-        return np.array([right, np.cross(right, forward), forward])
+        return np.array([-right if self.mirror else right, np.cross(right, forward), forward])
 
 
 class Pinhole(Camera):
@@ -102,6 +104,13 @@ class Orthographic(Camera):
 
     type: Literal["orthographic"] = "orthographic"
     height: Number = key(above=0, unit="m", doc="vertical extent of the picture in the scene")
+    width: Number | None = key(None, above=0, unit="m", doc="its horizontal extent; default: what makes pixels square")
+
+    @property
+    def stretch(self) -> float:
+        """Width of a pixel in the scene over its height."""
+        wide, high = self.size
+        return 1.0 if self.width is None else self.width * high / (self.height * wide)
 
 
 CAMERAS: dict[str, type[Camera]] = {

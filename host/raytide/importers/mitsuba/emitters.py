@@ -42,12 +42,9 @@ def glowing_material(build: Build, emitter: Plugin, bsdf: Plugin | None, shape: 
         return build.materials[key]
     build.kept += [emitter] if bsdf is None else [emitter, bsdf]
     table: Table = {"type": "emissive", "radiance": radiance}
-    base = material_of(build, bsdf, shape)
-    if build.has("materials", "emissive", "base"):
-        if not _is_black(build, base):
-            table["base"] = base
-    elif not _is_black(build, base):
-        reader.warn("the shape shines but does not reflect in raytide; its BSDF is left out")
+    base = None if bsdf is None else material_of(build, bsdf, shape)  # without one Mitsuba's shape reflects nothing
+    if base is not None and not _is_black(build, base):
+        table["base"] = base
     name = f"{emitter.id or (bsdf.id if bsdf and bsdf.id else shape.id) or shape.type}_light"
     build.materials[key] = build.put("materials", table, emitter, name)
     if textured or base in build.painted:

@@ -72,6 +72,27 @@ def tube() -> Patch:
     return Patch(vertices, _grid(2, SECTORS + 1)[:, [0, 2, 1]], np.column_stack([phi, z]))
 
 
+def ball() -> Patch:
+    """The unit sphere, its front outside; u is the longitude about z from x in turns, v falls from 1 at -z to 0 at +z.
+    A cap of each pole is one fan of triangles whose tips have the longitude of their middle."""
+    turns, falls = np.arange(SECTORS + 1) / SECTORS, np.arange(1, SECTORS // 2) / (SECTORS // 2)
+    fall, turn = (grid.ravel() for grid in np.meshgrid(falls, turns, indexing="ij"))
+    angle, theta = 2 * np.pi * np.where(turn == 1, 0, turn), np.pi * fall  # the seam's two sides lie in one place
+    ring = np.column_stack([np.sin(theta) * np.cos(angle), np.sin(theta) * np.sin(angle), np.cos(theta)])
+    middles = (turns[:-1] + turns[1:]) / 2
+    low, rows = np.arange(SECTORS), len(falls)
+    first, last = len(ring), (rows - 1) * (SECTORS + 1)
+    top = np.column_stack([first + low, low, low + 1])
+    bottom = np.column_stack([first + SECTORS + low, last + low + 1, last + low])
+    poles = np.repeat([(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)], SECTORS, axis=0)
+    tips = np.column_stack([np.tile(middles, 2), np.repeat([0.0, 1.0], SECTORS)])
+    return Patch(
+        np.concatenate([ring, poles]),
+        np.concatenate([top, bottom, _grid(rows, SECTORS + 1)]),
+        np.concatenate([np.column_stack([turn, fall]), tips]),
+    )
+
+
 def _grid(rows: int, columns: int) -> np.ndarray:
     """Faces between the vertices of a grid, row after row: (first row, later row, later column) is counter-clockwise
     where (rows, columns) is a right-handed pair."""

@@ -188,10 +188,8 @@ def _read_sampler(build: Build, plugin: Plugin | None, render: dict[str, Any]) -
         build.places[("render", "spp")] = (item.element.file, item.element.line)
 
 
-def _aim(reader: Reader, matrix: np.ndarray) -> dict[str, list[float]]:
-    """Origin, target and up out of a transform whose +z looks ahead, +y up, +x left."""
-    if is_mirror(matrix):
-        reader.lacks("a transform that mirrors the picture", "one without a negative scale", "to_world")
+def _aim(reader: Reader, matrix: np.ndarray) -> dict[str, Any]:
+    """Origin, target and up out of a transform whose +z looks ahead, +y up, +x left; `mirror` where it is right."""
     origin, forward, up = matrix[:3, 3], matrix[:3, 2], matrix[:3, 1]
     if not (np.linalg.norm(forward) > 0 and np.linalg.norm(up) > 0):
         reader.problem("to_world", "a singular transform", "an invertible one")
@@ -201,6 +199,7 @@ def _aim(reader: Reader, matrix: np.ndarray) -> dict[str, list[float]]:
         "origin": origin.tolist(),
         "target": (origin + ahead).tolist(),
         "up": (up / np.linalg.norm(up)).tolist(),
+        **({"mirror": True} if is_mirror(matrix) else {}),
     }
 
 
@@ -250,19 +249,20 @@ def horizontal_fov(reader: Reader, aspect: float) -> float:
 
 
 def _orthographic(reader: Reader, matrix: np.ndarray, film: Film) -> dict[str, Any]:
-    """The film is two units wide before the transform, which may scale both sides alike."""
+    """The film is two units wide before the transform, which may scale its sides each by its own factor."""
     left, up, forward = (matrix[:3, axis] for axis in range(3))
     wide, high = np.linalg.norm(left), np.linalg.norm(up)
     sound = min(wide, high, np.linalg.norm(forward)) > 0
     leaning = sound and max(abs(left @ up) / wide / high, abs(left @ forward) / wide, abs(up @ forward) / high) > (
         1e-4 * max(1.0, float(np.linalg.norm(forward)))
     )
-    if not sound or leaning or abs(wide - high) > 1e-4 * wide:
-        came = f"a transform that stretches the film by {wide:g} and {high:g}" if sound and not leaning else "a shear"
-        reader.problem("to_world", came, "the same factor along x and y, without shear")
+    if not sound or leaning:
+        reader.problem("to_world", "a shear" if sound else "a singular transform", "turns, shifts and scales only")
         return {"type": "orthographic", "height": 1.0}
     shift, share = film.shift()
-    table: dict[str, Any] = {"type": "orthographic", "height": float(2 * wide / film.aspect * share)}
+    table: dict[str, Any] = {"type": "orthographic", "height": float(2 * high / film.aspect * share)}
+    if abs(wide - high) > 1e-4 * wide:
+        table["width"] = float(2 * wide * film.crop_size[0] / film.size[0])
     if any(abs(part) > 1e-12 for part in shift):
         table["shift"] = shift
     return table

@@ -11,7 +11,7 @@ import numpy as np
 
 from raytide.errors import SceneError
 from raytide.importers.geometry import load_mesh
-from raytide.importers.mitsuba import patches
+from raytide.importers.mitsuba import patches, volumes
 from raytide.importers.mitsuba.bsdfs import material_of, unknown_plugin
 from raytide.importers.mitsuba.build import Build
 from raytide.importers.mitsuba.document import Plugin
@@ -20,7 +20,7 @@ from raytide.importers.mitsuba.media import filled_material, inside_of
 from raytide.importers.mitsuba.reader import Reader
 from raytide.importers.mitsuba.transforms import is_mirror, step_of, translation
 
-OTHERS = ("bsplinecurve", "linearcurve", "sdfgrid", "merge", "ellipsoids", "ellipsoidsmesh")
+OTHERS = ("bsplinecurve", "linearcurve", "merge", "ellipsoids", "ellipsoidsmesh")
 # Raytide's sphere has its poles on y, Mitsuba's on z.
 POLES = np.array([[0.0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
@@ -35,7 +35,7 @@ def read_shape(build: Build, plugin: Plugin, *, hidden: bool = False) -> str | N
     reader = Reader(build, plugin)
     reader.ignore("id", "silhouette_sampling_weight")
     flips = reader.flag("flip_normals", False)
-    build.upside_down = plugin.type == "sphere"
+    build.upside_down = plugin.type == "sphere" and not (flips or is_mirror(reader.matrix()))  # else triangles
     bsdf, emitter = reader.part("bsdf"), reader.part("emitter")
     inside = inside_of(reader)
     if inside and emitter:
@@ -72,27 +72,21 @@ def read_shape(build: Build, plugin: Plugin, *, hidden: bool = False) -> str | N
 def _sphere(reader: Reader, flips: bool, painted: bool) -> Table:
     center, radius = reader.vector("center", (0, 0, 0)), reader.number("radius", 1.0)
     matrix = reader.matrix()
+    if flips or is_mirror(matrix):  # a mirroring transform turns Mitsuba's sphere inside out
+        reader.warn(f"a sphere that is turned inside out or mirrored becomes triangles: {patches.SECTORS} sectors")
+        return _ball(matrix, center, radius, flips)
     table: Table = {"type": "sphere", "center": center, "radius": radius, "transform": step_of(matrix)}
     if painted:  # raytide's poles lie on y, Mitsuba's on z
         place = matrix @ translation(center) @ POLES
         table |= {"center": [0.0] * 3, "transform": step_of(place)}
-        if is_mirror(matrix):
-            reader.warn("textures of a mirrored sphere are placed otherwise than in Mitsuba")
-    if flips != is_mirror(matrix):  # a mirroring transform turns Mitsuba's sphere inside out
-        _inside_out(reader, table)
     return table
 
 
-def _inside_out(reader: Reader, table: Table) -> None:
-    """Normals to the inside. It matters where front and back differ."""
-    if reader.build.has("objects", table["type"], "flip"):
-        table["flip"] = True
-        return
-    emits = any(item.value.tag == "emitter" for item in reader.plugin.objects() if item.kind == "object")
-    if emits:
-        reader.lacks(f"a {table['type']} that shines inwards", "one whose normals point outwards", "flip_normals")
-    else:
-        reader.warn("normals to the inside; raytide's point outwards, which shows only where front and back differ")
+def _ball(matrix: np.ndarray, center: list[float], radius: float, flips: bool) -> Table:
+    """A sphere as a smooth mesh with Mitsuba's coordinates."""
+    patch = patches.ball()
+    moved = patches.Patch(patch.vertices * radius + center, patch.faces, patch.uv)
+    return inline_mesh(moved, matrix, flip=flips != is_mirror(matrix)) | {"smooth": True}
 
 
 def _rectangle(reader: Reader, flips: bool, painted: bool) -> Table:
@@ -134,7 +128,7 @@ def _cylinder(reader: Reader, flips: bool, painted: bool) -> Table:
     place = translation(start) @ _frame(along / length) @ np.diag([radius, radius, length, 1.0])
     patch = patches.tube()
     moved = patches.Patch(patch.vertices @ place[:3, :3].T + place[:3, 3], patch.faces, patch.uv)
-    return inline_mesh(moved, matrix, flip=flips != is_mirror(matrix)) | {"smooth": True}
+    return inline_mesh(moved, matrix, flip=flips) | {"smooth": True}
 
 
 def inline_mesh(patch: patches.Patch, matrix: np.ndarray, *, flip: bool) -> Table:
@@ -144,6 +138,27 @@ def inline_mesh(patch: patches.Patch, matrix: np.ndarray, *, flip: bool) -> Tabl
     if flip:
         table["flip"] = True
     return table | {"transform": step_of(matrix)}
+
+
+def _sdfgrid(reader: Reader, flips: bool, painted: bool) -> Table | None:
+    """The zero level of a signed distance field, as triangles with smooth normals."""
+    reader.refuse("grid", "fields made by a program")
+    reader.ignore("watertight")
+    reader.text("normals", "smooth", ("analytic", "smooth"))
+    path, matrix = reader.file(), reader.matrix()
+    if path is None:
+        return None
+    try:
+        patch = volumes.zero_level(volumes.refined(volumes.read_volume(path)))
+    except SceneError as error:
+        found = error.problems[0]
+        reader.problem("filename", found.came, found.wanted)
+        return None
+    if not len(patch.faces):
+        reader.problem("filename", "a field that is nowhere 0", "a surface")
+        return None
+    reader.warn(f"a signed distance field becomes {len(patch.faces)} triangles with smooth normals")
+    return inline_mesh(patch, matrix, flip=flips) | {"smooth": True}  # (u, v) is 0 all over, as in Mitsuba
 
 
 def _frame(axis: np.ndarray) -> np.ndarray:
@@ -242,6 +257,7 @@ SHAPES: dict[str, Callable[[Reader, bool, bool], Table | None]] = {
     "obj": _mesh,
     "ply": _mesh,
     "rectangle": _rectangle,
+    "sdfgrid": _sdfgrid,
     "serialized": _mesh,
     "sphere": _sphere,
 }

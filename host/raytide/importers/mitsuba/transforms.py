@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 Vector = Sequence[float]
+ROUNDED = 1e-2  # axes of rotations that are written with few digits
 PARALLEL = 1e-9  # sine of the angle below which `up` gives no direction
 
 
@@ -21,12 +22,18 @@ def matrix_of(tag: str, attributes: dict[str, str]) -> np.ndarray:
     if tag == "scale":
         return np.diag([*vector_of(attributes, 1.0), 1.0])
     if tag == "rotate":
-        axis = vector_of({name: text for name, text in attributes.items() if name != "angle"}, 0.0)
-        return rotation(axis, number_of(attributes["angle"]))
+        return turn_like_mitsuba(axis_of(attributes), number_of(attributes["angle"]))
     if tag == "lookat":
         up = attributes.get("up", "").strip()
         return look_at(_three(attributes["origin"]), _three(attributes["target"]), _three(up) if up else None)
     return _matrix(attributes["value"])
+
+
+def axis_of(attributes: dict[str, str]) -> tuple[float, ...]:
+    """(3,) the axis of a `<rotate>`. Raises ValueError."""
+    from raytide.importers.mitsuba.values import vector_of
+
+    return vector_of({name: text for name, text in attributes.items() if name != "angle"}, 0.0)
 
 
 def _three(text: str) -> list[float]:
@@ -59,12 +66,27 @@ def translation(by: Vector) -> np.ndarray:
     return result
 
 
+def turn_like_mitsuba(axis: Vector, degrees: float) -> np.ndarray:
+    """(4, 4) of `<rotate>`. Mitsuba (3.9.1) puts the axis into Rodrigues' formula as it is, so that one of another
+    length than 1 shears and stretches, too; one within ROUNDED of it is taken to be rounded. Raises ValueError."""
+    return rotation(axis, degrees) if not is_stretching(axis) else _rodrigues(axis, degrees)
+
+
+def is_stretching(axis: Vector) -> bool:
+    """Whether Mitsuba's `<rotate>` about this axis is no rotation."""
+    return 0 < math.hypot(*axis) and abs(math.hypot(*axis) - 1) > ROUNDED
+
+
 def rotation(axis: Vector, degrees: float) -> np.ndarray:
     """(4, 4) turn about `axis`, counter-clockwise seen from its tip (Rodrigues). Raises ValueError for no axis."""
     length = math.hypot(*axis)
     if not length > 0:
         raise ValueError("an axis that is not zero")
-    x, y, z = (component / length for component in axis)
+    return _rodrigues([component / length for component in axis], degrees)
+
+
+def _rodrigues(axis: Vector, degrees: float) -> np.ndarray:
+    x, y, z = axis
     sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
     result = np.eye(4)
     result[:3, :3] = (
@@ -78,7 +100,7 @@ def rotation(axis: Vector, degrees: float) -> np.ndarray:
 def look_at(origin: Vector, target: Vector, up: Vector | None) -> np.ndarray:
     """(4, 4) that moves the origin to `origin` and +z to look at `target`; +x points left of the view, +y up.
 
-    Without `up` some perpendicular direction is taken. Raises ValueError for an aim that is none.
+    Without `up` Mitsuba's perpendicular direction is taken. Raises ValueError for an aim that is none.
     """
     forward = np.subtract(target, origin)
     length = math.hypot(*forward)
@@ -86,7 +108,7 @@ def look_at(origin: Vector, target: Vector, up: Vector | None) -> np.ndarray:
         raise ValueError("a target that is not the origin")
     forward = forward / length
     if up is None or not any(up):
-        up = np.eye(3)[int(np.argmin(np.abs(forward)))]
+        up = perpendicular(forward).tolist()
     left = np.cross(np.divide(up, math.hypot(*up)), forward)
     if not math.hypot(*left) > PARALLEL:
         raise ValueError("an up that is not parallel to the view")
@@ -94,6 +116,14 @@ def look_at(origin: Vector, target: Vector, up: Vector | None) -> np.ndarray:
     result = np.eye(4)
     result[:3, :4] = np.column_stack([left, np.cross(forward, left), forward, origin])
     return result
+
+
+def perpendicular(unit: np.ndarray) -> np.ndarray:
+    """The first unit direction across a unit one, as Mitsuba takes it (Duff et al. 2017)."""
+    x, y, z = unit
+    sign = math.copysign(1.0, z)
+    share = -1.0 / (sign + z)
+    return np.array([1.0 + sign * x * x * share, sign * x * y * share, -sign * x])
 
 
 def uniform_scale(matrix: np.ndarray, tolerance: float = 1e-4) -> float | None:

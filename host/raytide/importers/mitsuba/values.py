@@ -14,7 +14,7 @@ import numpy as np
 from raytide.errors import Problem, list_words, nearest
 from raytide.importers.files import read_bounded
 from raytide.importers.limits import LARGEST
-from raytide.importers.mitsuba.transforms import matrix_of
+from raytide.importers.mitsuba.transforms import axis_of, is_stretching, matrix_of
 from raytide.importers.mitsuba.xml import Element
 
 VALUES = frozenset("boolean float integer point rgb spectrum string transform vector".split())
@@ -211,6 +211,8 @@ def _transform(element: Element, report: Report, find: Find) -> np.ndarray | Non
         try:
             with np.errstate(all="ignore"):
                 result = matrix_of(step.tag, step.attributes) @ result
+            if step.tag == "rotate" and is_stretching(axis_of(step.attributes)):
+                report.warn(step, "the axis of <rotate> has not the length 1: as in Mitsuba the result is no rotation")
         except ValueError as error:
             came = ", ".join(f'{key}="{text[:60]}"' for key, text in step.attributes.items())
             report.add(step, f"<{step.tag}>", came or "nothing", str(error))
