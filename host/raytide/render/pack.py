@@ -120,6 +120,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         caustics=render.caustics and render.max_depth > 2 and bool(lights - {*WHOLE_SKIES}) and has_specular(flat),
         clamp=render.is_clamped,
         chance_sky=chance_sky,
+        hidden_sky=not render.show_sky and bool(lights & {*WHOLE_SKIES, "sun"}),
         daylight=any(isinstance(light, SunSkyLight) for light in flat.lights),
         light_tree=light_tree,
         sobol=render.sampler != "random",
@@ -256,7 +257,7 @@ def _materials(flat: FlatScene) -> np.ndarray:
         row["absorption"] = (*extinction, model.opacity)
         numbers = [x for _, values in model.parameters() for x in values]
         if isinstance(model, Blend):
-            numbers[1:] = [flat.material_names.index(part) for part in model.parts]
+            numbers[1:3] = [flat.material_names.index(part) for part in model.parts]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x
     return materials
