@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 import pytest
 
+from raytide.cli import progress
 from raytide.cli import render as command
 from raytide.render.error import ErrorEstimate
 from raytide.render.limits import History, Row, limits_of
@@ -115,6 +116,7 @@ def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
     (tmp_path / "scene.toml").write_text(SCENE)
     monkeypatch.setattr(command, "open_renderer", open_fake)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: 0.0))  # a busy machine adds no lines
     for name in ("pause_s", "excluded", "warned", "error"):
         monkeypatch.setattr(FakeRenderer, name, getattr(FakeRenderer, name))
     monkeypatch.setattr(FakeRenderer, "opened", [])

@@ -126,8 +126,8 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     v.number = objects[v.surface.object].material;
 #if HAS_BLEND
     const Sampler sampler = sampler_for(settings, path.z, path.w);
-    float end;
-    v.number = blended(g, materials, v.number, &v.surface, sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x, &end);
+    float end, share = sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x;
+    v.number = blended(g, materials, v.number, &v.surface, xyz(ray.direction), share, &end);
 #endif
     global const Material *material = materials + RECORD_MET(v.number, path.y);
 #if HAS_COPIED

@@ -27,7 +27,7 @@ SMALL = {
     "room": lambda: room_scene(0.01),
 }
 TINY = Plan(
-    size=64, values=2, value_s=0.01, limit_s=60.0, scaling_sizes=(10, 1000, 3000), scaling_pixels=64, forced_most=1000
+    size=64, values=2, value_s=0.01, limit_s=1e9, scaling_sizes=(10, 1000, 3000), scaling_pixels=64, forced_most=1000
 )
 
 

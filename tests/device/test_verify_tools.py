@@ -47,7 +47,7 @@ def lab(device: Device) -> Lab:
 def test_scenes_of_extremes_end_finite_with_no_sample_left_out(lab: Lab) -> None:
     checks = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example]
 
-    @settings(max_examples=EXAMPLES, deadline=None, derandomize=True, database=None, suppress_health_check=checks)
+    @settings(max_examples=EXAMPLES, suppress_health_check=checks)
     @given(st.data())
     def trial(data: st.DataObject) -> None:
         assert render_fuzzed(lab, HypothesisDraw(data)) == ""

@@ -16,7 +16,7 @@ from raytide.errors import UsageError
 from raytide.image import read_exr
 from raytide.kernels.features import Features
 from raytide.kernels.source import assemble
-from raytide.report.reference import make_reference, read_reference, state_path
+from raytide.report.reference import make_reference, read_reference, read_state, state_path, write_state
 from raytide.verify.variants import Variant, VariantDevice
 
 
@@ -46,6 +46,28 @@ def test_a_reference_that_was_interrupted_is_the_same_and_knows_its_variance(dev
     np.testing.assert_allclose(whole.variance, np.var(pictures, axis=0, ddof=1) / 8, rtol=1e-9, atol=1e-18)
     known = read_reference(tmp_path / "whole.exr")
     assert known.own_relmse == pytest.approx(whole.truth("").own_relmse, rel=1e-5) and known.own_relmse > 0
+
+
+def test_a_reference_names_all_who_made_it_and_says_where_kernels_changed(
+    device: Device, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "r.exr"
+    with rt.Renderer(scene((8, 6)), device, spp=1) as renderer:
+        make_reference(renderer, path, 1, 2)
+        make_reference(renderer, path, 1, 3)
+        assert not caplog.records, "the same kernels went on"
+        kept = read_state(path)
+        assert kept and [one["slices"] for one in kept.makers] == [3]
+        kept.makers[0]["kernels_sha256"]["shade"] = "0" * 64
+        write_state(path, kept)
+        caplog.set_level("WARNING", logger="raytide")
+        make_reference(renderer, path, 1, 3)
+        assert not caplog.records, "nothing was to be done"
+        make_reference(renderer, path, 1, 5)
+        assert "other kernels (shade)" in caplog.text
+    made_by = json.loads(str(read_exr(path).header["raytide.made_by"]))
+    assert [one["slices"] for one in made_by] == [3, 2] and made_by[1]["device"] == device.info.id
+    assert made_by[1]["kernels_sha256"]["shade"] == renderer.sources["shade"].sha256
 
 
 def test_slices_of_another_scene_and_damaged_ones_are_refused(device: Device, tmp_path: Path) -> None:

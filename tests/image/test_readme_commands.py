@@ -46,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"PYTHONPATH": str(ROOT / "host"), "XDG_CONFIG_HOME": str(folder / "home")}
     return subprocess.run(
-        [sys.executable, "-P", *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+        [sys.executable, "-P", *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=1800
     )
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import accumulate, count
 from pathlib import Path
+from random import Random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -115,7 +118,12 @@ def test_scenes_that_cannot_be_listed_are_traced_ray_by_ray(device: Device, way:
 
 @pytest.fixture
 def own_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of its own for what trials find, and launches of any size that count."""
+    """A folder of its own for what trials find, launches of any size that count, and a clock by which each takes
+    a few hundredths of a millisecond: on a busy machine a trial's time may be over before its launches are."""
+    steps = Random(4)
+    looks = accumulate(steps.uniform(1e-5, 2e-5) for _ in count())  # no two variants are as quick as each other
+    now = lambda: next(looks)  # noqa: E731
+    monkeypatch.setattr(trial, "time", SimpleNamespace(perf_counter=now, process_time=now))
     monkeypatch.setattr(trial, "FileCache", lambda kind: FileCache(kind, tmp_path))
     monkeypatch.setattr(trial, "FEWEST_RAYS", 64)
     monkeypatch.setattr(trial, "FEWEST_SAMPLES", 1)

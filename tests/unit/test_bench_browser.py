@@ -37,7 +37,7 @@ def shown(browser: str, page: Path) -> str:
     """The document as the browser has it after its scripts ran."""
     words = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={page.parent / 'profile'}",
              "--virtual-time-budget=2000", "--dump-dom", page.as_uri()]  # fmt: skip
-    return subprocess.run(words, capture_output=True, text=True, timeout=60, check=True).stdout
+    return subprocess.run(words, capture_output=True, text=True, timeout=600, check=True).stdout
 
 
 def with_rate(result: dict[str, Any], rate: float) -> dict[str, Any]:

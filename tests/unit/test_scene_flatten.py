@@ -50,7 +50,7 @@ def cube(smooth: bool = False) -> rt.Mesh:
     return rt.mesh(vertices=CUBE_CORNERS, faces=CUBE_FACES, smooth=smooth)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.tuples(sizes, sizes, sizes), angles, st.sampled_from([1, -1]), st.sampled_from([1, -1]))
 def test_faces_of_a_closed_mesh_look_outward_under_any_transform(scale, degrees, sign_x, sign_y) -> None:  # type: ignore[no-untyped-def]
     """Divergence theorem: the volume by outward faces is positive and is |det| times the cube's, mirrored or not."""
@@ -72,7 +72,7 @@ def test_steps_apply_in_order() -> None:
     assert np.array_equal(whole, matrix)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3), angles)
 def test_rotations_are_proper_and_keep_their_axis(axis: tuple[float, ...], degrees: float) -> None:
     turn = rotation(axis, degrees)
@@ -88,7 +88,7 @@ def test_quarter_turns_are_exact() -> None:
     assert np.array_equal(rotation((1, 0, 0), 180), np.diag([1.0, -1, -1]))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3))
 def test_tangents_make_a_right_handed_frame(direction: tuple[float, ...]) -> None:
     normal = np.array(direction) / np.linalg.norm(direction)
@@ -105,7 +105,7 @@ def test_a_sphere_keeps_its_radius_times_a_proper_rotation(scale: object) -> Non
     assert np.allclose(shape.center, centre)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.tuples(sizes, sizes, sizes), angles, st.booleans())
 def test_flat_shapes_lie_in_the_moved_plane_with_the_moved_front(scale, degrees, mirror) -> None:  # type: ignore[no-untyped-def]
     """A rectangle, a disk and a plane of one front move as a triangle of that front does."""

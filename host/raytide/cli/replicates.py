@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raytide.cli.options import size_of
+from raytide.cli.progress import set_up_logging
 from raytide.cli.progress_text import duration
 from raytide.cli.signals import SIGNALS, StopOnSignal
 from raytide.errors import UsageError
@@ -32,6 +33,7 @@ class Reporter:
         self.last = 0.0
         self.moving = sys.stderr.isatty()
         signals.attach(self.stop, self.say)
+        set_up_logging(quiet=quiet, verbose=False, as_json=False)  # warnings of the library
 
     def attach(self, renderer: Renderer) -> None:
         """The renderer that a signal must stop."""

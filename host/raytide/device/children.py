@@ -38,6 +38,8 @@ class Children:
         """An idle child that stays, or a new one; a broken one is not kept."""
         worker = (None if fresh else self._waiting()) or Worker(self._info)
         self._busy.add(worker)
+        if self._stopped:  # while it was made
+            worker.kill()
         try:
             yield worker
         except WorkerDied:

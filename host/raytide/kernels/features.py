@@ -57,6 +57,7 @@ class Features:
     sobol: bool = True  # else plain random numbers
     chance_sky: bool = False  # the sky is found by rays that scatter alone, never by shadow rays
     daylight: bool = False  # the sky follows a formula
+    hidden_sky: bool = False  # the camera does not see the sky
     light_tree: bool = False  # lights are picked by a tree of bounds, else by an alias table
     blue_noise: bool = False  # neighbouring pixels share a sequence
     adaptive: bool = False  # tiles have numbers of samples of their own

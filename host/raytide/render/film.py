@@ -152,11 +152,11 @@ class Film:
         """
         from raytide import image
 
-        path, aovs = path_given(path), names_given(aovs, "aovs", "albedo")
+        path, aovs, exposure = path_given(path), names_given(aovs, "aovs", "albedo"), number_given(exposure, "exposure")
         suffix = path.suffix.lower()
         if suffix == ".png":
             text = {"Software": "raytide"} | ({"Comment": str(self.bias)} if self.bias else {})
-            image.write_png(path, self.rgb, number_given(exposure, "exposure"), no_clobber=no_clobber, text=text)
+            image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text=text)
         elif suffix == ".exr":
             cut = ("cut",) if aovs and self.data.cut else ()
             parts = {"beauty": np.dstack((self.rgb, self.alpha))} | self.layers((*aovs, *cut))

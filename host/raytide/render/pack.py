@@ -122,6 +122,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         clamp=render.is_clamped,
         regularised=widening_of(flat) is not None,
         chance_sky=chance_sky,
+        hidden_sky=not render.show_sky and bool(lights & {*WHOLE_SKIES, "sun"}),
         daylight=any(isinstance(light, SunSkyLight) for light in flat.lights),
         light_tree=light_tree,
         sobol=render.sampler != "random",
@@ -262,7 +263,7 @@ def _materials(flat: FlatScene) -> np.ndarray:
         row["absorption"] = (*extinction, model.opacity)
         numbers = [x for _, values in model.parameters() for x in values]
         if isinstance(model, Blend):
-            numbers[1:] = [flat.material_names.index(part) for part in model.parts]
+            numbers[1:3] = [flat.material_names.index(part) for part in model.parts]
         for i, x in enumerate(numbers):
             row[f"p{i // 4}"][i % 4] = x
     return materials

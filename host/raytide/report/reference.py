@@ -7,16 +7,18 @@ run that was interrupted goes on, and a reference can be made better later.
 from __future__ import annotations
 
 import json
+import logging
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import raytide
 from raytide.errors import ImageInvalid, UsageError
 from raytide.image import capture_date, read_exr, replacing, write_exr
 from raytide.render import Renderer
@@ -25,6 +27,8 @@ from raytide.report.convergence import Truth
 
 FIRST_SEED = 2**31  # seeds of references; others stay below
 STATE_FORMAT = 1
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -36,6 +40,19 @@ class Slices:
     mean: NDArray[np.float64]
     squares: NDArray[np.float64]
     seconds: float = 0.0
+    makers: list[dict[str, Any]] = field(default_factory=list)  # who rendered how many `slices`, in turn
+
+    def credit(self, maker: dict[str, Any]) -> None:
+        """One slice more is of this maker."""
+        if not self.makers or {**self.makers[-1], "slices": 0} != {**maker, "slices": 0}:
+            self.makers.append({**maker, "slices": 0})
+        self.makers[-1]["slices"] += 1
+
+    def other_kernels(self, maker: dict[str, Any]) -> list[str]:
+        """Names of kernels that slices so far were made with in another form."""
+        own = maker["kernels_sha256"]
+        return sorted({name for one in self.makers for name, sha in one["kernels_sha256"].items()
+                       if own.get(name, sha) != sha})  # fmt: skip
 
     def add(self, rgb: NDArray[np.float32], seconds: float) -> None:
         """One slice more."""
@@ -79,6 +96,10 @@ def make_reference(renderer: Renderer, path: Path, spp: int, slices: int, stoppe
         differ = sorted(key for key in identity if found.identity.get(key) != identity[key])
         raise UsageError(f"{state_path(path)}: belongs to another reference ({', '.join(differ)} differ); wanted one "
                          "of this scene and these settings: name another file, or remove it")  # fmt: skip
+    maker = maker_of(renderer)
+    if found and found.count < slices and (names := found.other_kernels(maker)):
+        _log.warning("%s: holds slices of other kernels (%s) than today's; it goes on, which is right unless those "
+                     "were wrong: remove it to begin anew", state_path(path), ", ".join(names))  # fmt: skip
     width, height = renderer.flat.window[2:]
     empty = np.zeros((height, width, 3))
     done = found or Slices(identity, 0, empty, empty.copy())
@@ -91,6 +112,7 @@ def make_reference(renderer: Renderer, path: Path, spp: int, slices: int, stoppe
         if not np.isfinite(film.rgb).all():
             raise ImageInvalid(f"{path}: slice {done.count} has pixels that are not finite; no reference can be made")
         done.add(film.rgb, time.perf_counter() - begun)
+        done.credit(maker)
         write_state(path, done)
         tell(done)
     if done.count:
@@ -98,11 +120,17 @@ def make_reference(renderer: Renderer, path: Path, spp: int, slices: int, stoppe
     return done
 
 
+def maker_of(renderer: Renderer) -> dict[str, Any]:
+    """Who renders: for the provenance of slices."""
+    return {"version": raytide.__version__, "device": renderer.device.info.id, "driver": renderer.device.info.driver,
+            "kernels_sha256": {name: source.sha256 for name, source in renderer.sources.items()}}  # fmt: skip
+
+
 def write_state(path: Path, done: Slices) -> None:
     """The sums, so that a later run goes on. The old file stays until the new one is complete."""
     with replacing(state_path(path)) as file:
         np.savez(file, identity=json.dumps(done.identity), count=done.count, mean=done.mean, squares=done.squares,
-                 seconds=done.seconds)  # fmt: skip
+                 seconds=done.seconds, makers=json.dumps(done.makers))  # fmt: skip
 
 
 def read_state(path: Path) -> Slices | None:
@@ -116,7 +144,8 @@ def read_state(path: Path) -> Slices | None:
             mean, squares = kept["mean"], kept["squares"]
             if not isinstance(identity, dict) or mean.shape != squares.shape or mean.ndim != 3:
                 raise ValueError("its arrays do not fit")
-            return Slices(identity, int(kept["count"]), mean, squares, float(kept["seconds"]))
+            makers = json.loads(str(kept["makers"])) if "makers" in kept else []  # older files know none
+            return Slices(identity, int(kept["count"]), mean, squares, float(kept["seconds"]), makers)
     except Exception as error:  # zip, pickle and JSON each raise their own
         what = f"{place}: cannot be read as slices of a reference ({error}); remove it to begin anew"
         raise UsageError(what) from None
@@ -131,7 +160,7 @@ def write_picture(path: Path, done: Slices, renderer: Renderer) -> None:
     own = dict(header["raytide"])
     own |= {"spp": done.count * int(done.identity["spp_of_a_slice"]), "seed": FIRST_SEED, "slices": done.count,
             "seconds": done.seconds, "own_relmse": truth.own_relmse if done.count > 1 else None,
-            "kind": "reference: mean of slices with consecutive seeds"}  # fmt: skip
+            "made_by": done.makers, "kind": "reference: mean of slices with consecutive seeds"}  # fmt: skip
     layers = {"beauty": done.mean, "variance": done.variance}
     write_exr(path, layers, {**header, "raytide": own, **capture_date()})
 

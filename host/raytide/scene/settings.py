@@ -55,6 +55,9 @@ class RenderSettings(Table):
     bvh: Literal["sah", "sah-hq", "lbvh", "none"] = key(
         "sah", doc="tree builder: sah-hq builds longer and traces faster; none tests every primitive"
     )
+    show_sky: Flag = key(
+        True, doc="whether the camera sees skies and suns; false: black in their place, while they light the scene"
+    )
     caustics: Flag = key(
         False, doc="integrator path: light that mirrors and clear glass send to surfaces that the camera sees is "
         "traced from the lights"

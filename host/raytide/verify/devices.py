@@ -225,7 +225,7 @@ def hanging(lab: Lab) -> Iterator[Trial]:
         seconds = time.perf_counter() - start
         after = lab.render(bare_sky(), spp=1).rgb.mean()
         whole = {"killed": state == "killed", "the device goes on": bool(after > 0)}
-        allowed = 2 * limit if lab.full else 10 * limit  # times are judged where nothing else is asked of the machine
+        allowed = 2 * limit if lab.full else 60 * limit  # times are judged where nothing else is asked of the machine
         return Judged(bounded(np.array([seconds]), allowed), {"seconds": f"{seconds:.2f}", "state": state}, whole)
 
     yield once("", judge)
