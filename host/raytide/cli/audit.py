@@ -57,7 +57,7 @@ def audit(
     found = scenes or tuple(sorted(SHIPPED.glob("*/*.toml")))
     found = tuple(path for path in found if path.name != "expected.toml")
     if not found:
-        raise UsageError(f"came no scene, and ./{SHIPPED} has none; wanted scene files, or the folder that holds {SHIPPED}")
+        raise UsageError(f"came no scene, and ./{SHIPPED} has none; wanted scene files")
     plans = [Plan(path, variants_of([], device), budgets, seeds, picture_size(size), (), seed, threads, title=name)
              for path, name in named_scenes(found)]  # fmt: skip
     make_output(output)
