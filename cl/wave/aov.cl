@@ -11,11 +11,12 @@
 #include "wave/path.cl"
 
 // Of all parts of a blend, by their shares.
-static float3 albedo_at(const Geometry g, global const Material *materials, const uint number, const Surface *s)
+static float3 albedo_at(const Geometry g, global const Material *materials, const uint number, const Surface *s,
+                        const float3 way)
 {
     float3 albedo = (float3)(0.0f);
     for (float u = 0.0f, end; u < 1.0f; u = end) {
-        global const Material *material = materials + blended(g, materials, number, s, u, &end);
+        global const Material *material = materials + blended(g, materials, number, s, way, u, &end);
 #if HAS_COPIED
         const Material here = textured_material(g, material, s);
         albedo += (end - u) * material_albedo(&here);
@@ -61,12 +62,12 @@ static COMPILED_ONCE void aov_pixel(const Geometry *geometry, global const Objec
     const float3 wo = -normalize3(xyz(ray.direction));
     float end;
     const uint number = objects[s.object].material;
-    global const Material *material = materials + blended(g, materials, number, &s, 0.5f, &end);
+    global const Material *material = materials + blended(g, materials, number, &s, -wo, 0.5f, &end);
 #if HAS_RELIEF
     s.n = relief_normal(g, material, &s);
 #endif
     const float3 n = dot3(wo, s.ng) < 0.0f ? -s.n : s.n;
-    const float3 albedo = albedo_at(g, materials, number, &s);
+    const float3 albedo = albedo_at(g, materials, number, &s, -wo);
     albedo_depth[i] = make4(albedo, hit.t);
     normal[i] = make4(n, 0.0f);
     position_object[i] = make4(s.p, float_of(s.object));

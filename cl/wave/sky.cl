@@ -31,6 +31,11 @@ static float3 environment_seen(const Lights lights, const LightPlace from, globa
                                const Geometry g, const Ray ray, const uint path_edges, const CausticEnd end,
                                const float4 state)
 {
+#if HAS_HIDDEN_SKY
+    if ((path_edges & PATH_EDGES) == 1u) {
+        return (float3)(0.0f);
+    }
+#endif
     const float3 wi = renormalize3(xyz(ray.direction));
 #if HAS_SUN
     const float3 suns = suns_seen(lights, from, settings, wi, path_edges, end, state);

@@ -8,7 +8,7 @@
 #include "wave/wide_light.cl"
 
 // The same from everywhere, and nothing that competes with meeting it
-#define PLAIN_SKY (HAS_ENVIRONMENT && HAS_CHANCE_SKY && !HAS_ENVIRONMENT_MAP && !HAS_SUN)
+#define PLAIN_SKY (HAS_ENVIRONMENT && HAS_CHANCE_SKY && !HAS_ENVIRONMENT_MAP && !HAS_SUN && !HAS_HIDDEN_SKY)
 
 #if WIDE_SHADING
 // Adds light that paths meet after `edge` to the samples `place` of `lanes`.

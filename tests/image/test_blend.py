@@ -117,3 +117,28 @@ def test_what_may_not_be_blended_is_told(material: rt.Blend, words: str) -> None
 def test_sides_and_maps_belong_to_the_parts() -> None:
     with pytest.raises(SceneError, match="wanted them on the materials that are blended"):
         rt.Blend("paint", second="metal", two_sided=False)
+
+
+def test_a_blend_by_sides_is_its_first_part_in_front_and_its_second_behind(device: Device) -> None:
+    """Layers without noise, and the picture of a plate that is all that is seen, of either part bit for bit."""
+
+    def shown(material: rt.Blend | str, back: bool) -> tuple[np.ndarray, np.ndarray]:
+        scene = room(material)
+        del scene.objects["ball"]
+        scene.add(rt.sphere((0, 60, 60), 0.1), rt.Blend("paint", second="metal", sides=True), name="kind")
+        scene.camera = rt.Camera(origin=(0.8, -0.2, -5 if back else 5), target=(0.8, -0.2, 0), fov=5, size=(24, 16))
+        with rt.Renderer(scene, device, spp=4, max_depth=2) as renderer:
+            film = renderer.render()
+            return film.rgb, film.layers(("albedo",))["albedo"]
+
+    sides = rt.Blend("paint", second="metal", sides=True)
+    normal = np.cross((0.5, 0, -0.2), (0, 0.5, 0))  # towards the first camera
+    assert normal[2] > 0
+    for back, part, other in ((False, "paint", "metal"), (True, "metal", "paint")):
+        for found, same, different in zip(shown(sides, back), shown(part, back), shown(other, back), strict=True):
+            assert np.array_equal(found, same) and not np.array_equal(found, different)
+
+
+def test_sides_and_a_weight_exclude_each_other() -> None:
+    with pytest.raises(SceneError, match="weight"):
+        rt.Blend("paint", second="metal", sides=True, weight=0.5)

@@ -370,3 +370,27 @@ def test_triangles_of_a_ball_close_it_and_have_its_coordinates() -> None:
     assert np.allclose(np.cos(np.pi * v), middle[:, 2], atol=0.01)
     ring = np.abs(middle[:, 2]) < 0.9
     assert np.allclose(np.exp(2j * np.pi * u)[ring], (middle @ (1, 1j, 0) / np.hypot(*middle.T[:2]))[ring], atol=0.02)
+
+
+def test_another_bsdf_on_the_back_is_a_blend_by_sides(tmp_path: Path) -> None:
+    pair = '<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="conductor"/></bsdf>'
+    scene = loaded(tmp_path, f'<shape type="rectangle">{pair}</shape>', f'<shape type="sphere">{pair}</shape>')
+    found = scene["rectangle"].material
+    assert found.type == "blend" and found.sides  # type: ignore[attr-defined]
+    parts = [scene.materials[name] for name in found.parts]
+    assert [(part.type, part.two_sided) for part in parts] == [("diffuse", True), ("mirror", True)]
+    alike = '<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>'
+    (one,) = loaded(tmp_path, f'<shape type="rectangle">{alike}</shape>').materials.values()
+    assert one.type == "diffuse"
+
+
+@pytest.mark.parametrize("hides", ["true", "false"])
+def test_hidden_emitters_are_not_seen_by_the_camera(hides: str, tmp_path: Path) -> None:
+    for kind in ("path", "direct"):
+        integrator = f'<integrator type="{kind}"><boolean name="hide_emitters" value="{hides}"/></integrator>'
+        lamp = '<shape type="rectangle"><emitter type="area"/></shape>'
+        scene = loaded(tmp_path, lamp, '<shape type="sphere"/>', integrator=integrator)
+        assert scene.render.show_sky is (hides == "false")
+        assert ("camera" in scene.objects["rectangle"].visible_to) is (hides == "false")
+        assert len(scene.objects["rectangle"].visible_to) == (2 if hides == "true" else 3)
+        assert len(scene.objects["sphere"].visible_to) == 3

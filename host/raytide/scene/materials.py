@@ -347,21 +347,25 @@ class ThinFilm(Material):
 
 
 class Blend(Material):
-    """Two materials, one beside the other finer than the eye sees: a share of the light meets the second."""
+    """Two materials, one beside the other finer than the eye sees: a share of the light meets the second. Or, by
+    sides, the first in front and the second behind."""
 
-    PARAMETERS = (("weight", 1), ("first", 1), ("second", 1))
+    PARAMETERS = (("weight", 1), ("first", 1), ("second", 1), ("sides", 1))
     FIRST: ClassVar[str] = "first"
     PLAIN: ClassVar[tuple[str, ...]] = ("first", "second")
     type: Literal["blend"] = "blend"
     first: str = key(doc="name of a material")
     second: str = key(doc="name of another one")
     weight: Number = key(0.5, low=0, high=1, doc="share of the second")
+    sides: Flag = key(False, doc="in place of a share: the first is the front, the second the back")
 
     @model_validator(mode="after")
     def _leaves_it_to_its_parts(self) -> Self:
         given = sorted(self.model_fields_set & {"two_sided", "normal_map", "normal_green", "bump_map", "bump_scale"})
         if given:
             raise ValueError(f"came {' and '.join(given)}; wanted them on the materials that are blended")
+        if self.sides and "weight" in self.model_fields_set:
+            raise ValueError("came weight beside sides = true; wanted one or the other")
         return self
 
     @property
@@ -370,7 +374,7 @@ class Blend(Material):
 
     def parameter(self, name: str) -> Any:
         """The device gets the numbers of both parts from where they are known."""
-        return self.weight if name == "weight" else 0.0
+        return getattr(self, name) if name in ("weight", "sides") else 0.0
 
 
 def _kinds(base: type[Material]) -> Iterator[type[Material]]:

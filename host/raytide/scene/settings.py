@@ -55,6 +55,9 @@ class RenderSettings(Table):
     bvh: Literal["sah", "sah-hq", "lbvh", "none"] = key(
         "sah", doc="tree builder: sah-hq builds longer and traces faster; none tests every primitive"
     )
+    show_sky: Flag = key(
+        True, doc="whether the camera sees skies and suns; false: black in their place, while they light the scene"
+    )
     caustics: Flag = key(
         False, doc="integrator path: light that mirrors and clear glass send to surfaces that the camera sees is "
         "traced from the lights"
@@ -65,6 +68,10 @@ class RenderSettings(Table):
     )
     clamp_direct: Number | None = key(
         None, above=0, unit="W/(sr m^2)", doc="integrator path: the same of light that scattered once or not at all"
+    )
+    regularise: Flag = key(
+        False, doc="integrator path: mirrors, glass and gloss are rougher to paths that scattered before, so that "
+        "lamps can be asked for caustics; biased, and told"
     )
     shadows: Flag = key(True, doc="integrator local: whether lights cast shadows")
     reflection_depth: Count = key(4, low=0, high=1024, doc="integrator local: longest chain of mirrors")

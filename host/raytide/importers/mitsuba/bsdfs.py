@@ -101,9 +101,10 @@ def _twosided(reader: Reader) -> Table | None:
     reader.build.two_sided = before
     if None in tables:
         return None
-    if len(tables) == 2 and tables[0] != tables[1]:
-        reader.lacks("another BSDF on the back", "one BSDF for both sides")
-    return tables[0]
+    if len(tables) == 1 or tables[0] == tables[1]:
+        return tables[0]
+    parts = [(table, one) for table, one in zip(tables, inner, strict=True) if table is not None]
+    return _blend(reader, parts, {"sides": True})
 
 
 def _inner(reader: Reader) -> Table | None:
@@ -166,12 +167,18 @@ def _blendbsdf(reader: Reader) -> Table | None:
     parts = [(table, item.value) for table, item in zip(tables, inner, strict=True) if table is not None]
     if len(parts) != 2:
         return None
+    return _blend(reader, parts, {"weight": weight})
+
+
+def _blend(reader: Reader, parts: list[tuple[Table, Plugin]], how: Table) -> Table | None:
+    """Two materials that share a surface."""
+    build = reader.build
     if any("opacity" in table for table, _ in parts):
         reader.lacks("a mask inside it", "a mask around it")
         return None
     build.textured |= any(bool(ANISOTROPIC & set(table)) for table, _ in parts)
     first, second = (build.put("materials", table, plugin) for table, plugin in parts)
-    return {"type": "blend", "first": first, "second": second, "weight": weight}
+    return {"type": "blend", "first": first, "second": second, **how}
 
 
 # materials

@@ -29,6 +29,7 @@ class Build:
         self.textured = False  # whether a material that is being read has textures
         self.upside_down = False  # whether the shape that is being read counts v against Mitsuba
         self.mirrored = False  # whether the light that is being read counts u against Mitsuba
+        self.hidden_emitters = False  # whether the camera sees through shapes that shine
         self.two_sided = False  # whether the BSDF that is being read stands inside `twosided`
         self.painted: set[str] = set()  # names of materials that look at texture coordinates
         self.kept: list[Plugin] = []  # keeps what `materials` names alive, so that identities stay unique

@@ -39,7 +39,8 @@ def read_integrator(build: Build, plugin: Plugin | None, render: dict[str, Any])
     render["integrator"] = "path"
     reader.ignore("block_size", "samples_per_pass")
     reader.refuse("timeout", "use --time", -1.0)
-    reader.refuse("hide_emitters", "emitters that the camera does not see", False)
+    if reader.flag("hide_emitters", False):
+        hide_emitters(build, render)
     if plugin.type == "direct":
         _read_direct(reader, render)
     else:
@@ -49,6 +50,12 @@ def read_integrator(build: Build, plugin: Plugin | None, render: dict[str, Any])
         if name in plugin.properties:
             element = plugin.properties[name].element
             build.places[("render", key)] = (element.file, element.line)
+
+
+def hide_emitters(build: Build, render: dict[str, Any]) -> None:
+    """The camera looks through what shines, and sees no sky."""
+    build.hidden_emitters = True
+    render["show_sky"] = False
 
 
 def _read_path(reader: Reader, render: dict[str, Any]) -> None:

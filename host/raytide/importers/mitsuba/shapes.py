@@ -56,8 +56,8 @@ def read_shape(build: Build, plugin: Plugin, *, hidden: bool = False) -> str | N
     if table is None:
         return None
     table["material"] = material
-    if hidden:
-        table["visible_to"] = []
+    if hidden or (emitter and build.hidden_emitters):
+        table["visible_to"] = [] if hidden else ["shadow", "indirect"]
     name = build.put("objects", table, plugin)
     for key, source in (("mesh", "filename"), ("part", "shape_index"), ("transform", "to_world")):
         if source in plugin.properties:
