@@ -114,6 +114,9 @@ static int settle_nested(const Shading *s, PathVertex *v, const Ray ray, const u
     s->throughput[slot] = v->state;
     uint4 onward = path;
     onward.y = (path.y & (PATH_EDGES | PATH_DELTA)) | (top_of(s->materials, beyond) << PATH_MEDIUM_SHIFT);
+#if HAS_REGULARISED
+    onward.y |= path.y & PATH_SCATTERED;
+#endif
     s->paths[slot] = onward;
     s->status[item] = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
     return 1;

@@ -53,6 +53,9 @@ static void go_on(const NextRay *onward, const uint slot, const uint4 path, glob
     throughput[slot] = onward->state;
     note_scattering(slot, onward->ray SCATTERINGS);
     paths[slot] = (uint4)(path.x, words_onward(path.y, onward->delta, onward->medium), path.z, path.w);
+#if HAS_REGULARISED
+    paths[slot].y |= onward->scattered ? PATH_SCATTERED : 0u;
+#endif
 }
 
 // Whether the path scatters in a body before it meets a surface: then it is alive from there, or it ends. Adds no edge;
@@ -72,6 +75,9 @@ static int walk_on(const Shading *s, const Ray ray, const Hit hit, const uint4 p
         s->rays[slot] = flight.ray;
         s->throughput[slot] = flight.state;
         s->paths[slot] = (uint4)(path.x, (path.y & ~PATH_CAUSTIC) | PATH_DELTA, path.z, path.w);
+#if HAS_REGULARISED
+        s->paths[slot].y |= PATH_SCATTERED;
+#endif
         note_scattering(slot, flight.ray SCATTERINGS);
         s->status[item] = STATUS_ALIVE | ((path.y & PATH_EDGES) << STATUS_EDGES_SHIFT);
     }

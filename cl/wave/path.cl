@@ -1,17 +1,29 @@
 #pragma OPENCL FP_CONTRACT OFF
 // State of a path between waves, one slot each: throughput (xyz) with the pdf of its last direction (w), and path words:
-// x = index in `samples`, y = edges so far | medium << PATH_MEDIUM_SHIFT | PATH_DELTA | PATH_CAUSTIC, z = pixel_name,
-// w = sample number.
+// x = index in `samples`, y = edges so far | medium << PATH_MEDIUM_SHIFT | PATH_DELTA | PATH_CAUSTIC or PATH_SCATTERED,
+// z = pixel_name, w = sample number.
 
 #define PATH_DELTA 0x80000000u  // the last direction came from a single-direction lobe: no light sampling competes
 #if HAS_CAUSTICS
 #define PATH_CAUSTIC 0x8000u  // scattered to many directions where the camera looks, and to single ones ever since
+#define PATH_EDGES 0x7fffu
+#elif HAS_REGULARISED
+#define PATH_CAUSTIC 0u
+#define PATH_SCATTERED 0x8000u  // scattered to many directions, be it long ago
 #define PATH_EDGES 0x7fffu
 #else
 #define PATH_CAUSTIC 0u
 #define PATH_EDGES 0xffffu
 #endif
 #define PATH_MEDIUM_SHIFT 16  // index + 1 of the absorbing material that the path is inside of; 0: none
+
+// The record of material `number` that a path of `words` meets. Behind every record stands that of the same surface with
+// wider lobes, which paths meet once they scattered (render/regularise.py).
+#if HAS_REGULARISED
+#define RECORD_MET(number, words) ((number) + (((words) & PATH_SCATTERED) / PATH_SCATTERED))
+#else
+#define RECORD_MET(number, words) number
+#endif
 
 // Where a path last scattered (xyz), and how many surfaces it passed as if they were not there (w, bits).
 #if HAS_OPACITY
@@ -70,7 +82,11 @@ static int is_caustic(const uint words)
 static uint words_onward(const uint words, const int delta, const uint medium)
 {
     const uint edges = (words & PATH_EDGES) + 1u;
+#if HAS_REGULARISED
+    const uint mark = words & PATH_SCATTERED;
+#else
     const uint mark = edges == 2u ? (delta ? 0u : PATH_CAUSTIC) : (delta ? words & PATH_CAUSTIC : 0u);
+#endif
     return edges | mark | (delta ? PATH_DELTA : 0u) | (medium << PATH_MEDIUM_SHIFT);
 }
 

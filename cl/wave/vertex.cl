@@ -39,7 +39,7 @@ typedef struct {
 #if HAS_MEASURED
     global const Material *tables;  // behind the records
 #endif
-    uint number;    // of the material
+    uint number;    // of the material, as the scene has it
     uint medium;    // absorbing material that the path came through: its number + 1; 0: none
 #if HAS_NESTED
     uint front;     // of a ranked boundary: body on its front side, as `medium`; behind is its own
@@ -74,6 +74,9 @@ typedef struct {
 #endif
 #if HAS_CAUSTICS
     float per_cosine;  // density of its direction over the cosine
+#endif
+#if HAS_REGULARISED
+    int scattered;     // by a lobe of many directions, whatever `delta` says of light sampling
 #endif
 } NextRay;
 
@@ -126,7 +129,7 @@ static PathVertex vertex_of(const Geometry g, global const Object *objects, glob
     float end, share = sample_2d(sampler, SET_BLEND(path.y & PATH_EDGES)).x;
     v.number = blended(g, materials, v.number, &v.surface, xyz(ray.direction), share, &end);
 #endif
-    global const Material *material = materials + v.number;
+    global const Material *material = materials + RECORD_MET(v.number, path.y);
 #if HAS_COPIED
     v.material = textured_material(g, material, &v.surface);
 #else
@@ -333,6 +336,9 @@ static NextRay sample_onward(global const Settings *settings, const PathVertex *
     const BsdfSample bsdf = material_sample(material_of(v) TABLES(v->tables), v->wo, u);
     const float3 wi = to_world(v->frame, bsdf.wi);
     const float side = dot3(wi, v->normal);
+#if HAS_REGULARISED
+    out.scattered = (bsdf.flags & BSDF_DELTA) == 0u;
+#endif
     if (!(bsdf.pdf > 0.0f) || side != side) {
         out.valid = bsdf.pdf != bsdf.pdf || (bsdf.pdf > 0.0f && side != side);
         out.ray = no_way();

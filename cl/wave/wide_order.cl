@@ -15,7 +15,7 @@ static uint kind_met(const Shading *s, const uint slot)
         return MATERIAL_KINDS;
     }
     global const Object *object = s->objects + s->g.triangles[prim].v.w;
-    return object->light == NONE ? s->materials[object->material].kind : MATERIAL_KINDS;
+    return object->light == NONE ? s->materials[RECORD_MET(object->material, s->paths[slot].y)].kind : MATERIAL_KINDS;
 }
 
 // Places of the queue from `begin` to below `end`, SHADE_RAYS or fewer, by counting; those of one kind keep their order.

@@ -105,6 +105,9 @@ static uint onward_of(const Shading *s, Vertices8 *v, const uint8 slot, const ui
 #if HAS_CAUSTICS
     const int8 marked = edge == 1u ? ~delta : delta & ((as_uint8(path.y) & PATH_CAUSTIC) != 0u);
     following.y = as_float8(words | (marked ? (uint8)(PATH_CAUSTIC) : (uint8)(0u)));
+#elif HAS_REGULARISED
+    const uint8 long_ago = as_uint8(path.y) & PATH_SCATTERED;
+    following.y = as_float8(words | (delta ? long_ago : (uint8)(PATH_SCATTERED)));
 #else
     following.y = as_float8(words);
 #endif
@@ -148,7 +151,8 @@ static uint shade_group(const Shading *s, const uint i, const uint end LEFT_NORM
     }
     const uint8 prim = found < s->g.triangle_count ? found : (uint8)(0u);
     const uint8 edge = as_uint8(path.y) & PATH_EDGES;
-    Vertices8 v = vertices_of(s->g, s->objects, s->materials, prim, hit, xyz8(direction), xyz8(state), lanes);
+    Vertices8 v = vertices_of(s->g, s->objects, s->materials, prim, hit, xyz8(direction), xyz8(state),
+                              lanes WORDS_OF(path));
     const uint alone = held & ~v.lanes & ~missed;
     const uint first = v.lanes & movemask8(edge == 1u);
     const uint8 sample = as_uint8(path.x);

@@ -36,18 +36,26 @@ typedef struct {
     uint8 infinite;
 } LightSamples8;
 
+#if HAS_REGULARISED
+#define WORDS_ARGUMENT , const uint8 words
+#define WORDS_OF(path) , as_uint8((path).y)
+#else
+#define WORDS_ARGUMENT
+#define WORDS_OF(path)
+#endif
+
 static void set_bits(uint8 *v, const uint k, const uint value) { ((uint *)v)[k] = value; }
 
 // vertex_of: lanes of materials that light passes keep the front side; those of `lanes` that shine are left out.
 static Vertices8 vertices_of(const Geometry g, global const Object *objects, global const Material *materials,
                              const uint8 prim, const Rows8 hit, const Vector8 direction, const Vector8 state,
-                             const uint lanes)
+                             const uint lanes WORDS_ARGUMENT)
 {
     Vertices8 v;
     v.state = state;
     v.surface = surfaces_of(g, prim, hit.y, hit.z);
     const Rows8 object = rows_at((global const float4 *)objects, v.surface.object);
-    v.material = as_uint8(object.x);
+    v.material = RECORD_MET(as_uint8(object.x), words);
 #if HAS_EMITTER
     v.lanes = lanes & movemask8(as_uint8(object.y) == NONE);
 #else

@@ -15,6 +15,7 @@ from raytide.bench.compare import compare, comparison_text
 from raytide.bench.report import comparison_page, result_page
 from raytide.bench.runner import sealed
 from raytide.bench.show import tables
+from raytide.bench.workloads import WORKLOADS
 from raytide.cli.main import main
 from raytide.errors import UsageError
 
@@ -140,6 +141,23 @@ def test_what_others_disturbed_fails_no_comparison(tmp_path: Path, capsys: pytes
     assert "renders cornell 0.500 (unstable in new)" in said.err
     assert main(["bench", "compare", names[2], names[0], "--fail-above", "0"]) == 0, "disturbed in the old is as bad"
     assert main(["bench", "compare", names[0], names[1], "--fail-above", "0"]) == 5, "nothing may be worse"
+
+
+def test_a_comparison_that_can_judge_nothing_says_so_and_is_no_success(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loaded = flagged(**dict.fromkeys(WORKLOADS, ("disturbed",)))
+    for one in loaded["peaks"]["rows"] + loaded["build"]["rows"]:
+        one.get("summary", {})["disturbed"] = True
+    names = [written(tmp_path / f"{name}.bench.json", one) for name, one in (("calm", flagged()), ("loaded", loaded))]
+    for files, said in ((names, "loaded"), (names[::-1], "calm")):
+        assert main(["bench", "compare", *files]) == 0
+        assert main(["bench", "compare", *files, "--fail-above", "5%"]) == 1
+        assert f"fail-above: {said}: nothing could be judged" in capsys.readouterr().err
+    assert main(["bench", "compare", names[0], names[0], "--fail-above", "5%"]) == 0
+    assert "nothing could be judged" not in capsys.readouterr().err
+    worse = written(tmp_path / "worse.bench.json", slower(flagged(), cornell=2.0))
+    assert main(["bench", "compare", names[0], names[1], worse, "--fail-above", "5%"]) == 5, "what is known is worse"
 
 
 def test_a_row_in_doubt_is_called_so_where_it_stands_and_at_the_top() -> None:

@@ -82,6 +82,11 @@ class Comparison:
         among them: they tell of the machine's load, not of what was measured."""
         return [row for row in self.rows if row.ratio < 1 - share and row.high < 1 and not row.disturbed]
 
+    @property
+    def judged(self) -> bool:
+        """Whether there is anything that `regressions` can tell of."""
+        return any(not row.disturbed for row in self.rows)
+
     def not_judged(self) -> str | None:
         """What `regressions` leaves out, for people."""
         count = sum(row.disturbed for row in self.rows)

@@ -56,6 +56,8 @@ def audit(
     budgets = samples_of(spp)
     found = scenes or tuple(sorted(SHIPPED.glob("*/*.toml")))
     found = tuple(path for path in found if path.name != "expected.toml")
+    if not found:
+        raise UsageError(f"came no scene, and ./{SHIPPED} has none; wanted scene files")
     plans = [Plan(path, variants_of([], device), budgets, seeds, picture_size(size), (), seed, threads, title=name)
              for path, name in named_scenes(found)]  # fmt: skip
     make_output(output)
@@ -81,11 +83,11 @@ def samples_of(text: str) -> tuple[Budget, ...]:
 
 def every(plans: list[Plan], output: Path, reporter: Reporter, verdicts: list[Verdict]) -> None:
     """All scenes; `verdicts` grows, and each is printed as it comes."""
-    from raytide.render.bias import refuse_clamped
+    from raytide.render.bias import refuse_biased
     from raytide.report.experiment import Devices, load_variant
 
     for plan in plans:  # what is wrong in any of them must be said before the first hour
-        refuse_clamped(load_variant(plan, plan.variants[0]).render, "an audit of error bands")
+        refuse_biased(load_variant(plan, plan.variants[0]).render, "an audit of error bands")
     print(" | ".join(HEAD))
     with Devices(plans[0].threads) as devices:
         for plan in plans:

@@ -267,7 +267,8 @@ def compare(
     """Compare result files with the first of them: what differs around them, then ratios with intervals.
 
     Exit code 5 with --fail-above where a measurement became worse by more than that, and by more than noise, or was
-    right in the first and is wrong or has failed since. What others disturbed does not count.
+    right in the first and is wrong or has failed since. What others disturbed does not count; 1 where nothing else is
+    left to judge.
 
     Parameters
     ----------
@@ -291,7 +292,7 @@ def compare(
     first, *others = [load_result(file) for file in files]
     names = [file.name.removesuffix(SUFFIX) for file in files]
     found = [comparing.compare(first, other, force) for other in others]
-    worse = []
+    worse, blind = list[str](), list[str]()
     for name, one in zip(names[1:], found, strict=True):
         print(comparing.comparison_text((names[0], name), one))
         if share is not None:
@@ -300,13 +301,17 @@ def compare(
             worse += [f"{name}: {what}: {reason}" for what, reason in one.lost]
             if said := one.not_judged():
                 say(f"fail-above: {name}: {said}")
+            if not one.judged:
+                blind.append(name)
     if html:
         from raytide.bench.report import comparison_page
 
         write_document(html, comparison_page(names, found))
     for line in worse:
         say(f"worse: {line}")
-    return REGRESSION if worse else 0
+    for name in blind:
+        say(f"fail-above: {name}: nothing could be judged: no measurement is in both files that others left alone")
+    return REGRESSION if worse else 1 if blind else 0
 
 
 @app.command

@@ -75,7 +75,7 @@ class Picture:
     variance: np.ndarray | None
     seed: str | None
     scene: str | None
-    bias: str | None = None  # what the file says of light that clamping took
+    bias: str | None = None  # what the file says of it
 
     @property
     def size(self) -> str:

@@ -126,6 +126,7 @@ def truth_of(plan: Plan, devices: Devices, reference: Path | None, spp: int | No
              reporter: Reporter) -> Truth | None:  # fmt: skip
     """The reference that was given, or one made in the output folder; None where that was interrupted too early."""
     from raytide.render import Renderer
+    from raytide.render.bias import without_bias
     from raytide.report.experiment import Variant, load_variant
     from raytide.report.reference import read_reference
 
@@ -133,7 +134,7 @@ def truth_of(plan: Plan, devices: Devices, reference: Path | None, spp: int | No
         return read_reference(reference)
     scene = load_variant(plan, Variant("reference"))
     scene.render.spp = slice_spp(plan, spp)
-    scene.render.clamp_direct = scene.render.clamp_indirect = None  # so that what clamping takes counts as error
+    without_bias(scene.render)  # so that it counts as error
     with Renderer(scene, devices.open(plan.variants[0].device)) as renderer:
         return made_reference(renderer, plan, output, reporter)
 

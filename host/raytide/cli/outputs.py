@@ -89,7 +89,7 @@ def summary(scene: Scene, film: Film, signals: StopOnSignal, stopped_by: str | N
 
 
 def bias_words(film: Film) -> str:
-    """What to add to the estimated error of a picture that clamping made darker; nothing for others."""
+    """What to add to the estimated error of a picture that is biased; nothing for others."""
     return f" of noise alone, {film.bias}" if film.bias else ""
 
 

@@ -59,7 +59,7 @@ def reference(
         Only errors on stderr.
     """
     from raytide.cli.options import check_outputs, check_range
-    from raytide.render.bias import refuse_clamped
+    from raytide.render.bias import refuse_biased
     from raytide.render.limits import MOST_SPP
     from raytide.scene.load import load
 
@@ -72,7 +72,7 @@ def reference(
         loaded = load(scene, overrides=changes or [], allow_outside=allow_outside)
         loaded.camera.size = picture_size(size) or loaded.camera.size
         loaded.render.spp = spp
-        refuse_clamped(loaded.render, "a reference")
+        refuse_biased(loaded.render, "a reference")
         reporter = Reporter(signals, quiet)
         render_slices(loaded, output, slices, device, threads, reporter)
     return reporter.ended()

@@ -12,7 +12,7 @@ from typing import Any
 from raytide.device import icd
 from raytide.device.environment import opencl
 from raytide.device.info import DeviceInfo, PlatformInfo
-from raytide.errors import DeviceError
+from raytide.errors import DeviceError, UsageError
 
 _VENDOR_WORDS = (
     # what the platform's name, version and vendor say -> first word of the id
@@ -64,8 +64,11 @@ def pick(*wanted: str) -> DeviceInfo:
     """The first device that matches one of `wanted`, tried in order; the default device where nothing is wanted.
 
     A wish is an id or part of one ("nvidia", "pocl-3.1") or a class ("gpu", "cpu"). The variable RAYTIDE_DEVICE
-    overrides them all. Raises DeviceError that lists the candidates.
+    overrides them all. Raises DeviceError that lists the candidates, UsageError for what is no text.
     """
+    for wish in wanted:
+        if wish is not None and not isinstance(wish, str):
+            raise UsageError(f'device: came {wish!r}; wanted an id or part of one, such as "cpu"')
     override = os.environ.get("RAYTIDE_DEVICE")
     return choose(list_devices(), [override] if override else wanted, from_environment=bool(override))
 

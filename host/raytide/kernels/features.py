@@ -53,6 +53,7 @@ class Features:
     photon: bool = False  # integrator photon: light is traced from the lights to the camera
     caustics: bool = False  # integrator path: light that mirrors and clear glass gather is traced so
     clamp: bool = False  # what one vertex adds to a sample is bounded, and what that cuts away is counted
+    regularised: bool = False  # lobes are wider at vertices of paths that scattered before
     sobol: bool = True  # else plain random numbers
     chance_sky: bool = False  # the sky is found by rays that scatter alone, never by shadow rays
     daylight: bool = False  # the sky follows a formula

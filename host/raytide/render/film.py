@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -112,8 +113,9 @@ class Film:
 
     @cached_property
     def bias(self) -> Bias | None:
-        """How much light clamping took; None where nothing was clamped. No error estimate covers it."""
-        return bias_of(self.data.sums, self.data.cut) if self.data.cut else None
+        """What clamping took and regularisation widened; None where neither did. No error estimate covers it."""
+        own: Mapping[str, Any] = self.provenance.get("raytide", {})  # type: ignore[assignment]
+        return bias_of(self.data.sums, self.data.cut, own.get("regularised"))
 
     @property
     def stats(self) -> dict[str, object]:
@@ -150,11 +152,11 @@ class Film:
         """
         from raytide import image
 
-        path, aovs = path_given(path), names_given(aovs, "aovs", "albedo")
+        path, aovs, exposure = path_given(path), names_given(aovs, "aovs", "albedo"), number_given(exposure, "exposure")
         suffix = path.suffix.lower()
         if suffix == ".png":
             text = {"Software": "raytide"} | ({"Comment": str(self.bias)} if self.bias else {})
-            image.write_png(path, self.rgb, number_given(exposure, "exposure"), no_clobber=no_clobber, text=text)
+            image.write_png(path, self.rgb, exposure, no_clobber=no_clobber, text=text)
         elif suffix == ".exr":
             cut = ("cut",) if aovs and self.data.cut else ()
             parts = {"beauty": np.dstack((self.rgb, self.alpha))} | self.layers((*aovs, *cut))
@@ -168,6 +170,7 @@ class Film:
         from raytide import image
 
         own = dict(self.provenance.get("raytide", {}))  # type: ignore[call-overload]
+        own.pop("regularised", None)  # `bias` tells it
         own |= {"error": self.error.as_dict() if self.error else None, "excluded_samples": self.health,
                 "faults": self.faults, "bias": self.bias.as_dict() if self.bias else None}  # fmt: skip
         return {**self.provenance, "raytide": own, **image.capture_date()}

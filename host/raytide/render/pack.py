@@ -29,7 +29,8 @@ from raytide.render.instances import PackedMesh, first_ids, instance_rows, pack_
 from raytide.render.lights import choice_of, left_to_scattering, pack_lights
 from raytide.render.measured import place_tables
 from raytide.render.nested import media_at, rank_bodies
-from raytide.render.surfaces import has_specular, surface_of, surfaces_of
+from raytide.render.regularise import settle_widened, shown_materials, widening_of, with_widened
+from raytide.render.surfaces import has_specular, surface_of
 from raytide.render.textures import PackedTextures, has_relief, pack_textures, texture_kinds
 from raytide.scene.camera import Orthographic, Pinhole, ThinLens
 from raytide.scene.flatten import FlatScene
@@ -88,7 +89,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
     render, camera = flat.render, flat.camera
     seen = [thing for thing in flat.objects if thing.visible_to]
     shining = any(flat.materials[thing.material].type == "emissive" for thing in seen)
-    surfaces = [flat.materials[i] for i in sorted({i for thing in seen for i in surfaces_of(flat, thing.material)})]
+    surfaces = shown_materials(flat)
     used = {model.type for model in surfaces}  # named but unused ones cost nothing
     present = set(MATERIALS) if everything else used
     asked = {name for model in surfaces for name in model.switches()}
@@ -119,6 +120,7 @@ def features_of(flat: FlatScene, everything: bool = False) -> Features:
         photon=render.integrator == "photon" and bool(lights),
         caustics=render.caustics and render.max_depth > 2 and bool(lights - {*WHOLE_SKIES}) and has_specular(flat),
         clamp=render.is_clamped,
+        regularised=widening_of(flat) is not None,
         chance_sky=chance_sky,
         hidden_sky=not render.show_sky and bool(lights & {*WHOLE_SKIES, "sun"}),
         daylight=any(isinstance(light, SunSkyLight) for light in flat.lights),
@@ -138,6 +140,7 @@ def film_area(camera: np.ndarray) -> float:
 def pack(flat: FlatScene, features: Features) -> PackedScene:
     """Records of `flat`, relative to its camera, as kernels with `features` read them. UsageError where absorbing
     materials are too many to be told apart."""
+    plain, flat = flat, with_widened(flat) if features.regularised else flat
     if (features.absorption or features.nested) and len(flat.materials) > MOST_MEDIA:
         raise UsageError(f"came {len(flat.materials)} materials, some of which absorb; wanted {MOST_MEDIA} at most")
     origin = np.asarray(flat.camera.origin, np.float64)
@@ -147,17 +150,20 @@ def pack(flat: FlatScene, features: Features) -> PackedScene:
     objects = _objects(flat, planes_first)
     materials = _materials(flat)
     media, first_medium = np.zeros(4, np.uint32), 0
-    if features.nested and features_of(flat).nested:  # not where it only stands among everything
-        rank_bodies(flat, materials)
+    if features.nested and features_of(plain).nested:  # not where it only stands among everything
+        rank_bodies(plain, materials[::2] if features.regularised else materials)
         media, first_medium = media_at(flat, materials, origin)
     textures = pack_textures(flat, features, materials)
     lights = pack_lights(flat, geometry, objects, origin, planes_first, textures, choice_of(flat))
     sending = sending_of(flat, lights.table, objects, geometry) if features.caustics else None
+    records = place_tables(materials, flat.measurements)
+    if features.regularised:
+        settle_widened(flat, records, textures.slots)
     return PackedScene(
         geometry=geometry,
         normals=_normals(flat, features),
         objects=objects,
-        materials=place_tables(materials, flat.measurements),
+        materials=records,
         lights=lights.table,
         environment=lights.environment,
         light_nodes=lights.nodes,

@@ -9,6 +9,7 @@ import numpy as np
 
 import raytide
 from raytide.accel.limits import max_depth
+from raytide.render.regularise import widening_of
 from raytide.render.waves import RayCounts
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ def report_of(renderer: Renderer) -> dict[str, Any]:
 
 def provenance_of(renderer: Renderer) -> dict[str, Any]:
     """EXR attributes: who made the picture and how to repeat it, as of now."""
+    widening = widening_of(renderer.flat)
     return {
         "software": f"raytide {raytide.__version__}",
         "comments": "linear Rec. 709 radiance",
@@ -82,6 +84,7 @@ def provenance_of(renderer: Renderer) -> dict[str, Any]:
             "time_s": {stage: round(seconds, 6) for stage, seconds in renderer.times.items()}
             | {"render": round(renderer.frame.seconds if renderer.frame else 0.0, 6)},
             "settings": settings_of(renderer),
+            **({"regularised": asdict(widening)} if widening else {}),
         },
     }
 

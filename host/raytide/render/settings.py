@@ -10,13 +10,13 @@ import numpy as np
 from raytide.errors import SceneError, UsageError
 from raytide.kernels.constants import JOINS_DIRECTIONS, JOINS_FILM
 from raytide.kernels.records import RECORDS
-from raytide.render.bias import check_clamp
+from raytide.render.bias import check_bias
 from raytide.render.light_pairs import is_one_pair
 from raytide.render.light_paths import check_light_paths
 from raytide.render.lights import left_to_scattering, shadows_alone
 from raytide.render.pack import PackedScene, film_area
+from raytide.render.regularise import shown_materials
 from raytide.render.schedule import tiles_across
-from raytide.render.surfaces import surfaces_of
 from raytide.scene.check import crop_problem
 from raytide.scene.flatten import FlatScene
 
@@ -39,7 +39,7 @@ def with_settings(flat: FlatScene, settings: dict[str, Any]) -> FlatScene:
     if problem:
         raise SceneError([problem])
     out = replace(flat, camera=camera, render=render)
-    check_clamp(out)
+    check_bias(out)
     if render.integrator == "photon" or render.caustics:
         check_light_paths(out)
     return out
@@ -53,8 +53,7 @@ def _block_bits(spp: int) -> int:
 
 def _joins(flat: FlatScene) -> int:
     """What shares a set of sample dimensions."""
-    shown = {i for thing in flat.objects if thing.visible_to for i in surfaces_of(flat, thing.material)}
-    lobes = any(flat.materials[i].has_lobes for i in shown)
+    lobes = any(model.has_lobes for model in shown_materials(flat))
     return (0 if flat.camera.type == "thin_lens" else JOINS_FILM) | (0 if lobes else JOINS_DIRECTIONS)
 
 

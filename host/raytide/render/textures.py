@@ -74,6 +74,7 @@ def pack_textures(flat: FlatScene, features: Features, materials: np.ndarray) ->
         _add_sky(table[-1], textures.sky, words, beyond)
         words += [light.model().view(np.uint32) for light in skies if isinstance(light, SunSkyLight)]
     used = {flat.material_names.index(name) for thing in flat.objects for name in _layers(flat, thing.material)}
+    used |= {i + 1 for i in used} if features.regularised else set()
     slots = _slots([flat.materials[i] if i in used else None for i in range(len(flat.materials))], names, materials)
     read = features.textures
     reads_uv = features.tangents or {"bitmap", "checkerboard"} & set(read)

@@ -167,11 +167,11 @@ def write_picture(path: Path, done: Slices, renderer: Renderer) -> None:
 
 def read_reference(path: str | os.PathLike[str]) -> Truth:
     """Any EXR picture; its `variance` layer, of pixel means, is subtracted where it has one. Raises UsageError, for a
-    picture that clamping made darker too, and ImageInvalid."""
+    picture that says it is biased too, and ImageInvalid."""
     image = read_exr(path)
     rgb = image.rgb.astype(np.float64)
     if bias := told_bias(image.header):
-        raise UsageError(f"{os.fspath(path)}: came a picture that is {bias}; wanted a reference without clamping")
+        raise UsageError(f"{os.fspath(path)}: came a picture that is {bias}; wanted a reference without")
     variance = image.layers.get("variance")
     known = variance is not None and variance.shape == rgb.shape and bool(np.isfinite(variance).all())
     if not np.isfinite(rgb).all():

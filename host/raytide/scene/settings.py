@@ -69,6 +69,10 @@ class RenderSettings(Table):
     clamp_direct: Number | None = key(
         None, above=0, unit="W/(sr m^2)", doc="integrator path: the same of light that scattered once or not at all"
     )
+    regularise: Flag = key(
+        False, doc="integrator path: mirrors, glass and gloss are rougher to paths that scattered before, so that "
+        "lamps can be asked for caustics; biased, and told"
+    )
     shadows: Flag = key(True, doc="integrator local: whether lights cast shadows")
     reflection_depth: Count = key(4, low=0, high=1024, doc="integrator local: longest chain of mirrors")
 
