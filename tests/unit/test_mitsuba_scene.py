@@ -141,7 +141,7 @@ def test_depths_count_alike(integrator: str, expected: tuple[int, int], tmp_path
     assert (settings.max_depth, settings.roulette_start) == expected
 
 
-@pytest.mark.parametrize("kind", ["ptracer", "depth", "prb", "stokes", "pathh"])
+@pytest.mark.parametrize("kind", ["depth", "prb", "stokes", "pathh"])
 def test_other_integrators_are_refused(kind: str, tmp_path: Path) -> None:
     (found,) = problems_of(tmp_path, integrator=f'<integrator type="{kind}"/>')
     assert found.line == 4 and ("lacks" in found.came or "unknown" in found.came)

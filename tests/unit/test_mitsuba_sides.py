@@ -109,3 +109,11 @@ def test_instances_may_stretch_spheres(tmp_path: Path) -> None:
             assert np.allclose(vertices[up == 1], (1, 0, 2)) and np.allclose(vertices[up == 0], (1, 0, -2))
     plain = loaded(tmp_path, group.format(""), stretched.replace('y="3"', 'value="3"'))
     assert {one.type for one in plain.objects.values()} == {"sphere", "instance"}
+
+
+def test_light_is_traced_where_mitsuba_traces_it(tmp_path: Path) -> None:
+    depths = '<integer name="max_depth" value="4"/><integer name="rr_depth" value="7"/>'
+    render = loaded(tmp_path, integrator=f'<integrator type="ptracer">{depths}</integrator>').render
+    assert (render.integrator, render.max_depth, render.roulette_start) == ("photon", 4, 7)
+    hides = '<integrator type="ptracer"><boolean name="hide_emitters" value="true"/></integrator>'
+    assert "hide_emitters" in problems_of(tmp_path, integrator=hides)[0].key
