@@ -79,4 +79,6 @@ def _read_direct(reader: Reader, render: dict[str, Any]) -> None:
     counts = [reader.count(name, 1) for name in ("shading_samples", "emitter_samples", "bsdf_samples")]
     if min(counts) < 0 or not sum(counts[1:]):
         reader.problem("", "no samples", "at least one emitter or bsdf sample")
+    elif not (counts[1] and counts[2]):
+        reader.warn("raytide samples lights and materials both: what only the other finds is seen, too")
     render |= {"max_depth": 2, "roulette_start": 0}
