@@ -16,8 +16,11 @@ import pytest
 
 from raytide.bench import peaks, renders, scramble, validity
 from raytide.bench.builds import measure_builds
+from raytide.bench.ledger import ledger
 from raytide.bench.peaks import measure_peaks
 from raytide.bench.plan import QUICK
+from raytide.bench.sections import ledger_rows
+from raytide.bench.show import ledger_table
 from raytide.bench.workloads import WORKLOADS
 from raytide.device import Device, open_renamed
 from raytide.kernels import source
@@ -119,6 +122,22 @@ def test_a_right_workload_is_ok_with_all_its_figures(device: Device) -> None:
     traced = {one["name"]: one for one in found["kernels"]}
     assert traced["primary"]["nodes_per_ray"] >= 1 and traced["shadow"]["bytes_modelled"] > 0
     assert sum(one["share"] for one in found["kernels"]) == pytest.approx(1.0)
+
+
+@pytest.mark.one_driver
+def test_the_ledger_tells_what_kernels_of_the_scene_save(device: Device, tmp_path: Path) -> None:
+    """Mission row U9: kernels with everything in them are larger, take longer to build and never need less memory; each
+    figure is that of everything over that of the scene's own."""
+    workload = WORKLOADS["spheres"]
+    found = ledger(device, workload.make(tmp_path, None), workload, TINY)
+    needed, everything, gains = found["needed"], found["everything"], found["everything_over_needed"]
+    assert set(gains) == {"build_s", "binary_bytes", "run_s", "device_bytes"} and found["left_out"] > 5
+    for key, gain in gains.items():
+        assert gain == pytest.approx(everything[key] / needed[key]) and needed[key] > 0
+    assert gains["binary_bytes"] > 1.2 and gains["build_s"] > 1.0 and gains["device_bytes"] >= 1.0
+    assert len(needed["values_s"]) == len(everything["values_s"]) == 3
+    rows = [{"id": "spheres", "ledger": found}]
+    assert f"{gains['binary_bytes']:.2f}" in ledger_table(rows) and ledger_rows(rows)[0][1:] == list(gains.values())
 
 
 def test_a_workload_in_disguise_is_right_and_another_rate_is_told(

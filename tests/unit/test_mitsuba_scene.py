@@ -10,7 +10,6 @@ import pytest
 from PIL import Image
 
 from mitsuba_scenes import loaded, problems_of
-from raytide.importers.mitsuba import patches
 from raytide.importers.mitsuba.metals import METALS
 from raytide.importers.mitsuba.spectra import emitted_rgb, reflected_rgb
 from raytide.importers.mitsuba.values import Spectrum
@@ -142,7 +141,7 @@ def test_depths_count_alike(integrator: str, expected: tuple[int, int], tmp_path
     assert (settings.max_depth, settings.roulette_start) == expected
 
 
-@pytest.mark.parametrize("kind", ["ptracer", "depth", "prb", "stokes", "pathh"])
+@pytest.mark.parametrize("kind", ["depth", "prb", "stokes", "pathh"])
 def test_other_integrators_are_refused(kind: str, tmp_path: Path) -> None:
     (found,) = problems_of(tmp_path, integrator=f'<integrator type="{kind}"/>')
     assert found.line == 4 and ("lacks" in found.came or "unknown" in found.came)
@@ -330,67 +329,3 @@ def test_instances_show_every_shape_of_their_group(tmp_path: Path) -> None:
     assert [(shape.kind, *shape.center) for shape in flat.shapes] == [
         ("box", 1, 0, 0), ("sphere", 7, 0, 0), ("box", 10, 0, 0), ("sphere", 16, 0, 0)]  # fmt: skip
     assert all(np.allclose(np.linalg.norm(shape.axes, axis=1), 2) for shape in flat.shapes)
-
-
-def test_a_shape_that_shines_reflects_only_what_its_bsdf_does(tmp_path: Path) -> None:
-    """Mitsuba's grey default is that of shapes which do not shine."""
-    emitter = '<emitter type="area"/>'
-    insides = (emitter, emitter + '<bsdf type="diffuse"/>', "")
-    scene = loaded(tmp_path, *(f'<shape type="rectangle">{inside}</shape>' for inside in insides))
-    bare, dressed, plain = (one.material for one in scene.objects.values())
-    assert scene.materials[bare].type == "emissive" and scene.materials[bare].base is None  # type: ignore[attr-defined]
-    base = scene.materials[dressed].base  # type: ignore[attr-defined]
-    assert scene.materials[base].reflectance == scene.materials[plain].reflectance == (0.5, 0.5, 0.5)  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize(("scale", "flips", "inwards"), [("1", False, False), ("1", True, True), ("-1", False, True),
-                                                        ("-1", True, False)])  # fmt: skip
-def test_spheres_are_inside_out_where_mitsubas_are(scale: str, flips: bool, inwards: bool, tmp_path: Path) -> None:
-    """Sides as Mitsuba 3.9.1 gives them: its sphere's normals follow the hand of the transform, its cylinder's not."""
-    inside = f'<transform name="to_world"><scale x="{scale}"/></transform>'
-    inside += f'<boolean name="flip_normals" value="{str(flips).lower()}"/>'
-    for kind in ("sphere", "cylinder"):
-        flat = loaded(tmp_path, f'<shape type="{kind}">{inside}</shape>').flatten()
-        if not len(flat.triangles):
-            assert not inwards and kind == "sphere"
-            continue
-        triangles = flat.vertices[flat.triangles.astype(int)]
-        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        outwards = (normals * triangles.mean(axis=1) * (1, 1, kind == "sphere")).sum(axis=1)
-        assert (outwards * (-1 if (inwards if kind == "sphere" else flips) else 1) > 0).all(), kind
-
-
-def test_triangles_of_a_ball_close_it_and_have_its_coordinates() -> None:
-    patch = patches.ball()
-    corners = patch.vertices[patch.faces]
-    volume = (np.cross(corners[:, 1], corners[:, 2]) * corners[:, 0]).sum() / 6
-    assert volume == pytest.approx(4 * math.pi / 3, rel=3e-4)
-    middle, (u, v) = corners.mean(axis=1), patch.uv[patch.faces].mean(axis=1).T
-    middle /= np.linalg.norm(middle, axis=1)[:, None]
-    assert np.allclose(np.cos(np.pi * v), middle[:, 2], atol=0.01)
-    ring = np.abs(middle[:, 2]) < 0.9
-    assert np.allclose(np.exp(2j * np.pi * u)[ring], (middle @ (1, 1j, 0) / np.hypot(*middle.T[:2]))[ring], atol=0.02)
-
-
-def test_another_bsdf_on_the_back_is_a_blend_by_sides(tmp_path: Path) -> None:
-    pair = '<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="conductor"/></bsdf>'
-    scene = loaded(tmp_path, f'<shape type="rectangle">{pair}</shape>', f'<shape type="sphere">{pair}</shape>')
-    found = scene["rectangle"].material
-    assert found.type == "blend" and found.sides  # type: ignore[attr-defined]
-    parts = [scene.materials[name] for name in found.parts]
-    assert [(part.type, part.two_sided) for part in parts] == [("diffuse", True), ("mirror", True)]
-    alike = '<bsdf type="twosided"><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>'
-    (one,) = loaded(tmp_path, f'<shape type="rectangle">{alike}</shape>').materials.values()
-    assert one.type == "diffuse"
-
-
-@pytest.mark.parametrize("hides", ["true", "false"])
-def test_hidden_emitters_are_not_seen_by_the_camera(hides: str, tmp_path: Path) -> None:
-    for kind in ("path", "direct"):
-        integrator = f'<integrator type="{kind}"><boolean name="hide_emitters" value="{hides}"/></integrator>'
-        lamp = '<shape type="rectangle"><emitter type="area"/></shape>'
-        scene = loaded(tmp_path, lamp, '<shape type="sphere"/>', integrator=integrator)
-        assert scene.render.show_sky is (hides == "false")
-        assert ("camera" in scene.objects["rectangle"].visible_to) is (hides == "false")
-        assert len(scene.objects["rectangle"].visible_to) == (2 if hides == "true" else 3)
-        assert len(scene.objects["sphere"].visible_to) == 3

@@ -56,6 +56,8 @@ def audit(
     budgets = samples_of(spp)
     found = scenes or tuple(sorted(SHIPPED.glob("*/*.toml")))
     found = tuple(path for path in found if path.name != "expected.toml")
+    if not found:
+        raise UsageError(f"came no scene, and ./{SHIPPED} has none; wanted scene files")
     plans = [Plan(path, variants_of([], device), budgets, seeds, picture_size(size), (), seed, threads, title=name)
              for path, name in named_scenes(found)]  # fmt: skip
     make_output(output)

@@ -14,7 +14,7 @@ from raytide.importers.mitsuba.reader import Reader
 SMALLEST_ALPHA = 1e-4  # raytide's
 ANISOTROPIC = {"roughness_u", "roughness_v", "anisotropic", "normal_map", "bump_map", "file"}  # look at directions
 OTHERS = (
-    "circular", "hair", "measured_polarized", "null", "polarizer", "pplastic", "principledthin", "retarder",
+    "circular", "hair", "measured_polarized", "polarizer", "pplastic", "principledthin", "retarder",
 )  # fmt: skip
 
 Table = dict[str, Any]
@@ -119,7 +119,9 @@ def _inner(reader: Reader) -> Table | None:
 def _mask(reader: Reader) -> Table | None:
     table = _inner(reader)
     opacity = reader.scalar("opacity", 0.5)
-    return None if table is None else table | {"opacity": opacity}
+    if table is None or table.get("opacity") == 0.0:  # nothing there
+        return table
+    return table | {"opacity": opacity}
 
 
 def _bumpmap(reader: Reader) -> Table | None:
@@ -184,6 +186,11 @@ def _blend(reader: Reader, parts: list[tuple[Table, Plugin]], how: Table) -> Tab
 # materials
 
 
+def _null(reader: Reader) -> Table:
+    """A boundary that is not there; with a medium inside it is read elsewhere."""
+    return {"type": "diffuse", "opacity": 0.0}
+
+
 def _diffuse(reader: Reader) -> Table:
     return {"type": "diffuse", "reflectance": reader.colour("reflectance", 0.5)}
 
@@ -242,7 +249,7 @@ def _facets(reader: Reader, *, stretched: bool = True) -> Table:
             reader.lacks("different alphas", "alpha", "alpha_u")
     reader.ignore("alpha", "alpha_u", "alpha_v")
     for name, key in names.items():
-        value = reader.scalar(name, 0.1)
+        value = reader.scalar(name, 0.1) if stretched else reader.number(name, 0.1)
         if isinstance(value, float) and 0 <= value < SMALLEST_ALPHA:
             reader.warn(f"{name} = {value:g} becomes {SMALLEST_ALPHA:g}, the smoothest that raytide has")
             value = SMALLEST_ALPHA
@@ -350,6 +357,7 @@ BSDFS: dict[str, Callable[[Reader], Table | None]] = {
     "mask": _mask,
     "measured": _measured,
     "normalmap": _normalmap,
+    "null": _null,
     "plastic": _plastic,
     "principled": _principled,
     "roughconductor": _roughconductor,

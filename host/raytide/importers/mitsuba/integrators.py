@@ -1,4 +1,4 @@
-"""Integrators: raytide's path tracer with Mitsuba's depths."""
+"""Integrators: raytide's path tracer, or its tracer of light, with Mitsuba's depths."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from raytide.importers.mitsuba.reader import Reader
 ENDLESS = 1024  # raytide's largest max_depth; Russian roulette ends paths long before
 PATHS = ("path", "volpath", "volpathmis")
 WRAPPERS = ("moment", "aov")
-KNOWN = (*PATHS, "direct", *WRAPPERS)
-OTHERS = ("depth", "ptracer", "stokes", "prb", "prb_basic", "prb_projective", "prbvolpath", "direct_projective")
+KNOWN = (*PATHS, "direct", "ptracer", *WRAPPERS)
+OTHERS = ("depth", "stokes", "prb", "prb_basic", "prb_projective", "prbvolpath", "direct_projective")
 
 
 def read_integrator(build: Build, plugin: Plugin | None, render: dict[str, Any]) -> None:
@@ -39,7 +39,10 @@ def read_integrator(build: Build, plugin: Plugin | None, render: dict[str, Any])
     render["integrator"] = "path"
     reader.ignore("block_size", "samples_per_pass")
     reader.refuse("timeout", "use --time", -1.0)
-    if reader.flag("hide_emitters", False):
+    if plugin.type == "ptracer":
+        reader.refuse("hide_emitters", "hidden emitters where light is traced from them", False)
+        render["integrator"] = "photon"
+    elif reader.flag("hide_emitters", False):
         hide_emitters(build, render)
     if plugin.type == "direct":
         _read_direct(reader, render)
@@ -79,4 +82,6 @@ def _read_direct(reader: Reader, render: dict[str, Any]) -> None:
     counts = [reader.count(name, 1) for name in ("shading_samples", "emitter_samples", "bsdf_samples")]
     if min(counts) < 0 or not sum(counts[1:]):
         reader.problem("", "no samples", "at least one emitter or bsdf sample")
+    elif not (counts[1] and counts[2]):
+        reader.warn("raytide samples lights and materials both: what only the other finds is seen, too")
     render |= {"max_depth": 2, "roulette_start": 0}

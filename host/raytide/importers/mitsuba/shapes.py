@@ -18,7 +18,7 @@ from raytide.importers.mitsuba.document import Plugin
 from raytide.importers.mitsuba.emitters import glowing_material
 from raytide.importers.mitsuba.media import filled_material, inside_of
 from raytide.importers.mitsuba.reader import Reader
-from raytide.importers.mitsuba.transforms import is_mirror, step_of, translation
+from raytide.importers.mitsuba.transforms import is_mirror, step_of, translation, uniform_scale
 
 OTHERS = ("bsplinecurve", "linearcurve", "merge", "ellipsoids", "ellipsoidsmesh")
 # Raytide's sphere has its poles on y, Mitsuba's on z.
@@ -247,7 +247,21 @@ def read_instance(build: Build, plugin: Plugin, groups: dict[int, list[str]]) ->
         groups[id(group)] = read_group(build, group)
         build.kept.append(group)
     for name in groups[id(group)]:
+        if uniform_scale(matrix, 1e-6) is None:
+            _round_by_triangles(reader, build.tables["objects"][name])
         build.put("objects", {"type": "instance", "of": name, "transform": step_of(matrix)}, plugin)
+
+
+def _round_by_triangles(reader: Reader, table: Table) -> None:
+    """A sphere that an instance stretches becomes a mesh, wherever it is shown."""
+    if table["type"] != "sphere":
+        return
+    reader.warn(f"a sphere that an instance stretches becomes triangles: {patches.SECTORS} sectors")
+    matrix = np.reshape(table["transform"][0]["matrix"], (4, 4)) if table["transform"] else np.eye(4)
+    place = matrix @ translation(table.pop("center")) @ np.linalg.inv(POLES)
+    mesh = _ball(place, [0.0] * 3, table.pop("radius"), False)
+    mesh["uv"] = [[u, 1 - v] for u, v in mesh["uv"]]  # raytide's own sphere counts v upwards
+    table |= mesh
 
 
 SHAPES: dict[str, Callable[[Reader, bool, bool], Table | None]] = {
