@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from raytide.device.children import Children
 
 _MOST_WORKERS = 8  # each needs about 150 MB
+_LOOK_S = 0.5  # a signal that comes in the instant before a wait is seen when the wait ends
 
 
 class SourceLike(Protocol):
@@ -110,7 +111,7 @@ class Builder:
         """Compile the longest texts first, each in a thread of its own that waits for a child or the driver."""
         if not sources:
             return
-        from concurrent.futures import ThreadPoolExecutor
+        from concurrent.futures import ThreadPoolExecutor, wait
 
         if _in_children(self._info) and self._children is None:
             from raytide.device.children import Children
@@ -121,6 +122,8 @@ class Builder:
         try:
             jobs = [pool.submit(self._compile, name, sources[name]) for name in names]
             for job in jobs:
+                while not wait([job], timeout=_LOOK_S).done:
+                    pass
                 yield job.result()
         except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
