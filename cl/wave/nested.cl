@@ -2,6 +2,7 @@
 // Clear bodies that overlap (Schmidt and Budge 2002, JGT 7(4)): of those that a path is inside of, the one of the highest
 // rank counts. A surface inside a body of higher rank is not there; any other parts what lies on its sides.
 // Included by wave/shade.cl.
+#include "base/portable.cl"
 #include "base/vector.cl"
 #include "accel/geometry.cl"
 #include "accel/spawn.cl"
@@ -10,6 +11,7 @@
 #include "wave/vertex.cl"
 
 #if HAS_NESTED
+#define LEAST_BEND 1.0e-3f  // of a ratio of indices from 1, as rough boundaries of other scenes must have
 #define NESTED_ENTRIES 8u  // two a word: number of a material plus one; 0: free. Their order has no meaning
 
 static uint media_entry(const uint4 media, const uint place)
@@ -84,6 +86,15 @@ static NestedSides nested_sides(const PathVertex *v, const uint4 media)
     return out;
 }
 
+// Takes the index in front of a ranked boundary for that of nothing. A rough boundary that hardly bends is a smooth one:
+// light goes straight on, and no facet in particular joins two such directions.
+static void stand_before(Material *m, const float index)
+{
+    m->p0.x = m->p0.x / index;
+    if (abs_of(m->p0.x - 1.0f) < LEAST_BEND) {
+        m->p1.w = m->p2.x = 0.0f;  // alphas of the kinds that have them
+    }
+}
 #endif
 
 // Settles what a boundary parts: *v gets the medium before it and the ratio of both indices. Returns whether the path is
@@ -105,7 +116,7 @@ static int settle_nested(const Shading *s, PathVertex *v, const Ray ray, const u
     }
     v->front = top_of(s->materials, sides.front);
     if (rank > rank_of(s->materials, v->front)) {
-        v->material.p0.x = v->material.p0.x / (v->front ? s->materials[v->front - 1u].p0.x : 1.0f);
+        stand_before(&v->material, v->front ? s->materials[v->front - 1u].p0.x : 1.0f);
         return 0;
     }
     const uint4 beyond = v->cos_o > 0.0f ? sides.behind : sides.front;

@@ -75,6 +75,16 @@ def test_three_bodies_in_one_another_and_a_seam(device: Device) -> None:
     np.testing.assert_allclose(shown(device, scene, spp=1024).mean(axis=(0, 1)), expected * WALL, rtol=2e-3)
 
 
+def test_rough_boundaries_between_like_indices_let_light_straight_on(device: Device) -> None:
+    """Whatever their facets: a frosted slab in water of its own index is not seen."""
+    scene = before_wall()
+    scene.add(slab(-2.0, 0.5), rt.Dielectric(1.3, absorption=0.1, priority=1), name="water")
+    frosted = rt.RoughDielectric(1.3, roughness=0.3, absorption=0.1, priority=2)
+    scene.add(slab(-1.5, -0.5), frosted, name="frosted")
+    expected = stack([1.3], [2.5], [0.1])
+    np.testing.assert_allclose(shown(device, scene, spp=1024).mean(axis=(0, 1)), expected * WALL, rtol=2e-3)
+
+
 @pytest.mark.parametrize("inside", [1, 2])
 def test_a_camera_inside_of_bodies_knows_them(device: Device, inside: int) -> None:
     """Out of the front with the radiance that n^2 asks for; what is reflected leaves by the back."""

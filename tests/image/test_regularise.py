@@ -126,7 +126,8 @@ def under_water(**keys: Any) -> rt.Scene:
 
 def test_the_insides_of_widened_bodies_are_those_of_sharp_ones(device: Device) -> None:
     """Coloured water over a floor that scatters in it: under an even sky a rough surface does not change absorption. By
-    priority pitch in the water is not there: paths that scattered pass it and leave where the water ends."""
+    priority pitch in the water is not there: paths that scattered pass it and leave where the water ends. Nor is what
+    parts water from water, which facets as rough as they like cannot bend."""
     scene = under_water(priority=2)
     pitch = rt.Dielectric(1.1, absorption=20.0, priority=1)
     scene.add(rt.box(min=(-2.5, -0.5, -2.5), max=(2.5, -0.2, 2.5)), pitch, name="pitch")
@@ -135,6 +136,11 @@ def test_the_insides_of_widened_bodies_are_those_of_sharp_ones(device: Device) -
     assert np.abs(wide / sharp - 1).max() > 0.01  # what rough facets lose
     ranked = film_of(device, scene, regularise=True).rgb.mean(axis=(0, 1))
     np.testing.assert_allclose(ranked, wide, rtol=1e-3)
+    scene = under_water(priority=1)
+    core = rt.Dielectric(1.3, absorption=(0.2, 0.5, 1.5), priority=2)
+    scene.add(rt.box(min=(-2.5, -0.5, -2.5), max=(2.5, -0.2, 2.5)), core, name="core")
+    parted = film_of(device, scene, regularise=True).rgb.mean(axis=(0, 1))
+    np.testing.assert_allclose(parted, wide, rtol=0.02)
 
 
 def mixed() -> rt.Scene:

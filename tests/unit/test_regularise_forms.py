@@ -66,7 +66,8 @@ def test_both_alphas_of_the_principled_kind_follow_it(roughness: float, anisotro
 
 def test_what_has_no_wider_form_stays_as_it_is() -> None:
     for model in (rt.Diffuse(0.5), rt.ThinDielectric(1.5), rt.ThinFilm(ior=1.5), rt.Emit(1.0),
-                  rt.Dielectric(1.0005), rt.Glossy(specular=0.0, roughness=0.01), rt.Principled(roughness=0.6),
+                  rt.Dielectric(1.0005), rt.Dielectric("worn", exterior_ior=1.2),
+                  rt.Glossy(specular=0.0, roughness=0.01), rt.Principled(roughness=0.6),
                   rt.Blend(first="a", second="b")):  # fmt: skip
         assert widened(model) is model
 

@@ -136,6 +136,8 @@ def _metal(model: Material) -> Material:
 
 def _glass(model: Material) -> Material:
     assert isinstance(model, Boundary)
+    if texture_of(model.ior) is not None:  # which may come near that of what is outside
+        return model
     if abs(model.ior / model.exterior_ior - 1) < LEAST_BEND:
         return model
     return RoughDielectric(**{**_given(model, RoughDielectric), "roughness": LEAST})
