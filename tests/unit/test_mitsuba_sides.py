@@ -117,3 +117,12 @@ def test_light_is_traced_where_mitsuba_traces_it(tmp_path: Path) -> None:
     assert (render.integrator, render.max_depth, render.roulette_start) == ("photon", 4, 7)
     hides = '<integrator type="ptracer"><boolean name="hide_emitters" value="true"/></integrator>'
     assert "hide_emitters" in problems_of(tmp_path, integrator=hides)[0].key
+
+
+@pytest.mark.parametrize("radius", ["-1", "0"])
+@pytest.mark.parametrize("inside", ["", '<boolean name="flip_normals" value="true"/>'])
+def test_a_sphere_without_a_radius_is_refused_by_that_word_whatever_it_becomes(
+    radius: str, inside: str, tmp_path: Path
+) -> None:
+    (found,) = problems_of(tmp_path, f'<shape type="sphere"><float name="radius" value="{radius}"/>{inside}</shape>')
+    assert "radius" in found.key and (found.came, found.wanted) == (radius, "a number above 0")

@@ -100,9 +100,12 @@ def left_out_rows(result: dict[str, Any]) -> list[list[object]]:
         whole = result.get(part) or {"status": "ok"}
         if whole["status"] != "ok":
             rows.append([part, status_word(whole), whole["reason"]])
-    for scene, found in ((result.get("rays") or {}).get("scenes") or {}).items():
+    rays = result.get("rays") or {}
+    for scene, found in (rays.get("scenes") or {}).items():
         if found["status"] != "ok":
             rows.append([f"rays {scene}", status_word(found), found["reason"]])
+    rows += [[f"rays terrain, {one['triangles']} triangles", status_word({"status": "skipped"}), one["reason"]]
+             for one in (rays.get("scaling") or {}).get("skipped", [])]  # fmt: skip
     rows += [[f"{part} {name}", status_word(one), one["reason"]] for part, name, one in measurements(result)
              if one["status"] != "ok"]  # fmt: skip
     return rows
@@ -241,11 +244,9 @@ def rays_section(result: dict[str, Any]) -> Html | None:
     if not rays.get("scenes"):
         return None
     cells = [[name, *rate_cells(one, " rays")] for part, name, one in measurements(result) if part == "rays"]
-    left = [[name, one["reason"]] for name, one in rays["scenes"].items() if one["status"] != "ok"]
-    left += [[f"terrain, {one['triangles']} triangles", one["reason"]] for one in rays["scaling"]["skipped"]]
     return section(
         "Rays", paragraph(RAYS), table(["set", "status", "median", "+- %", "values", "remark"], cells),
-        element("div", *cost_plots(rays), class_="row wide"), table(["left out", "why"], left) if left else None,
+        element("div", *cost_plots(rays), class_="row wide"),
     )  # fmt: skip
 
 

@@ -72,6 +72,9 @@ def read_shape(build: Build, plugin: Plugin, *, hidden: bool = False) -> str | N
 def _sphere(reader: Reader, flips: bool, painted: bool) -> Table:
     center, radius = reader.vector("center", (0, 0, 0)), reader.number("radius", 1.0)
     matrix = reader.matrix()
+    if not radius > 0:  # as triangles one below 0 would be inside out
+        reader.problem("radius", f"{radius:g}", "a number above 0")
+        radius = 1.0
     if flips or is_mirror(matrix):  # a mirroring transform turns Mitsuba's sphere inside out
         reader.warn(f"a sphere that is turned inside out or mirrored becomes triangles: {patches.SECTORS} sectors")
         return _ball(matrix, center, radius, flips)
