@@ -222,6 +222,18 @@ def test_a_comparison_tells_both_scores_and_what_took_a_result_out_of_its_class(
     assert forced.score_ratio is None and forced.scores[1] == "none"
 
 
+def test_results_of_one_name_in_two_folders_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = []
+    for folder, result in (("old", flagged()), ("new", slower(flagged(), cornell=2.0))):
+        (tmp_path / folder).mkdir()
+        files.append(written(tmp_path / folder / "gpu.bench.json", result))
+    page = tmp_path / "page.html"
+    assert main(["bench", "compare", *files, "--html", str(page)]) == 0
+    text = page.read_text()
+    assert f"score of {tmp_path}/old/gpu" in text and f"score of {tmp_path}/new/gpu" in text
+    assert f"{tmp_path}/new/gpu" in capsys.readouterr().out
+
+
 def test_equal_ids_on_other_machines_are_two_devices() -> None:
     old, new = flagged(), flagged()
     new["tool"]["kernels_sha256"] = "f" * 64

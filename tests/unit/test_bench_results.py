@@ -19,14 +19,16 @@ from pydantic import ValidationError
 from bench_cases import RESULTS, parts, workload
 from raytide.bench import record, runner, validity
 from raytide.bench.compare import compare, share_of
+from raytide.bench.files import load_result
 from raytide.bench.model import Result, json_schema
 from raytide.bench.plan import drifting, warm
 from raytide.bench.references import REFERENCE_RUNS, SAME_SPP, load_references
-from raytide.bench.runner import Findings, Job, canonical_sha256, result_of, run_job, sealed, statuses
+from raytide.bench.report import status_of
+from raytide.bench.runner import PATIENCE_S, Findings, Job, canonical_sha256, result_of, run_job, sealed, statuses
 from raytide.bench.score import reference_table, score_line, score_of
 from raytide.bench.show import csv_text, tables
 from raytide.bench.workloads import VERIFY_SIZE, WORKLOADS
-from raytide.cli.bench import beside, exit_code
+from raytide.cli.bench import PATIENCE, beside, exit_code, jobs_of
 from raytide.cli.main import main
 from raytide.errors import UsageError
 
@@ -146,6 +148,40 @@ def test_a_child_that_never_starts_is_one_error_for_all_parts(monkeypatch: pytes
     assert exit_code(found) == 3 and found["device"] is None
 
 
+def test_ctrl_c_keeps_what_was_finished_as_a_partial_result_without_a_score(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All workloads were right, and only a later visit is missing: a score would be of other work."""
+    finished: dict[str, Any] = {}
+
+    def run_child(job: Job, missing: list[str], environment: object, found: Any, say: object) -> None:
+        found.parts |= finished
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runner, "run_child", run_child)
+    monkeypatch.setattr("raytide.cli.bench.device_ids", lambda wanted: ["x/cpu0", "y/gpu0"])
+    path, words = tmp_path / "a.bench.json", ["bench", "--suite", "renders", "-o", str(tmp_path / "a.bench.json")]
+    assert main(words) == 130 and not list(tmp_path.iterdir()), "there is nothing to keep"
+    finished |= parts()
+    assert main(words) == 130
+    assert [one.name for one in tmp_path.iterdir()] == ["a.x-cpu0.bench.json"], "no other device was begun"
+    kept = load_result(tmp_path / "a.x-cpu0.bench.json")
+    assert kept["partial"] and kept["score"] is None and statuses(kept) == dict.fromkeys(WORKLOADS, "ok")
+    assert kept["problems"] == ["interrupted: 12 of 18 parts were not measured"]
+    assert status_of(kept) == "interrupted"
+    assert not path.exists() and "no score: interrupted: parts are missing" in capsys.readouterr().out
+
+
+def test_durations_are_read_as_they_are_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raytide.cli.bench.device_ids", lambda wanted: ["x/cpu0"])
+
+    def job(soak: str | None, patience: str) -> Job:
+        return jobs_of("renders", None, False, None, None, "single", False, soak, patience)[0]
+
+    assert (job("2min", "90").soak_s, job("600", "1h 30min").soak_s, job(None, "30s").soak_s) == (120.0, 600.0, 0.0)
+    assert (job(None, "90").patience_s, job(None, PATIENCE).patience_s) == (90.0, PATIENCE_S)
+
+
 def test_a_run_is_of_the_open_class_where_anything_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("POCL_EXTRA_BUILD_FLAGS", "PYOPENCL_BUILD_OPTIONS", "POCL_VECTORIZER"):
         monkeypatch.delenv(name, raising=False)
@@ -202,7 +238,9 @@ def test_one_bright_sample_is_no_bias_and_a_small_shift_of_all_runs_is() -> None
     [
         (["--workload", "cornel"], "did you mean 'cornell'?"),
         (["--traversal", "psychic"], "'psychic'; wanted one of single"),
-        (["--patience", "0"], "patience: came 0"),
+        (["--patience", "0"], "--patience: came '0'; wanted a time above 0, such as 30s"),
+        (["--patience", "0.5s"], "--patience: came '0.5s'; wanted a time from 1 s"),
+        (["--soak", "20days"], "--soak: came '20days'"),
         (["--threads", "0"], "threads: came 0; wanted a number from 1 on"),
         (["--suite", "peaks", "--workload", "cornell"], "workload: does nothing in suite peaks"),
         (["--suite", "rays", "--soak", "9"], "soak: does nothing in suite rays; wanted suite quick, full or renders"),

@@ -10,14 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raytide.cli.converge import lines
 from raytide.cli.main import main
 from raytide.cli.replicates import budgets_of, named_scenes, picture_size
 from raytide.errors import UsageError
+from raytide.image import write_exr
 from raytide.report.convergence import Point, Truth, fit, time_to
 from raytide.report.convergence_files import Outcome, csv_text, result_of
 from raytide.report.convergence_page import document
 from raytide.report.experiment import Budget, Plan, Track, Variant, order, small_size, variants_of
 from raytide.report.files import write_json
+from raytide.report.reference import read_reference
 from raytide.report.start_cost import StartCost
 
 SIZE = (24, 32, 3)
@@ -140,6 +143,43 @@ def test_a_machine_that_changes_while_it_is_timed_is_told(slower: float, said: s
     assert ("not to be relied on" in page) == (said is not None) and "efficiency" in page
     timed = Outcome(Plan(plan.scene, plan.variants, (Budget(seconds=1.0),), 9), of, tracks, {})
     assert timed.drift() is None, "budgets of time are no equal work"
+
+
+@pytest.mark.parametrize(("replicates", "said"), [(4, "the slope of"), (400, None)])
+def test_what_too_few_replicates_leave_open_is_told_with_how_many_would_do(replicates: int, said: str | None) -> None:
+    """Independent pixels: relMSE is known well, the slope by so few replicates is not."""
+    plan = Plan(Path("a.toml"), variants_of([]), (Budget(1), Budget(4), Budget(16)), replicates)
+    rng, of, points = np.random.default_rng(8), truth(), []
+    for budget in plan.budgets:
+        points.append(Point(of, budget.label))
+        for k in range(replicates):
+            x = radiance() * (1 + 0.1 * rng.normal(1.0, 0.2) / (budget.spp or 1) ** 0.5 * rng.choice((-1, 1), SIZE))
+            points[-1].add(x.astype(np.float32), k, budget.spp or 1, 0.01)
+    one = Outcome(plan, of, [Track(plan.variants[0], points, {"in_process": 0.5}, {})], {})
+    found = one.wanting()
+    assert (found is None) if said is None else (said in str(found) and "add replicates, about" in str(found))
+    assert ("add replicates" in document([one], {"command": "raytide converge"})) == (said is not None)
+
+
+def test_an_interrupted_experiment_is_told_though_a_variant_was_never_rendered(tmp_path: Path) -> None:
+    one = outcome(tmp_path)
+    one.tracks[1].points = [Point(one.truth, budget.label) for budget in one.plan.budgets]
+    assert "sampler=sobol" in lines([one]) and "sampler=random" not in lines([one])
+    assert "sampler=random" in document([one], {"command": "raytide converge"})
+    assert result_of([one], {})["scenes"][0]["variants"][1]["points"] == []
+
+
+def test_a_reference_of_a_replicates_seed_is_refused(tmp_path: Path) -> None:
+    plan = Plan(Path("s.toml"), variants_of([]), (Budget(1), Budget(4)), 2, seed=0)
+    assert plan.seeds() == {0, 1, 2, 3}
+    for seed, refused in ((3, True), (4, False), (2**31, False)):
+        path = tmp_path / f"{seed}.exr"
+        write_exr(path, {"beauty": radiance()}, {"raytide": {"seed": seed}})
+        if refused:
+            with pytest.raises(UsageError, match="seed 3, which a replicate has, too.*another --seed"):
+                read_reference(path, plan.seeds())
+        else:
+            assert read_reference(path, plan.seeds()).rgb.shape == SIZE
 
 
 def test_files_hold_every_render_and_the_page_shows_every_variant(tmp_path: Path) -> None:

@@ -63,9 +63,12 @@ def test_broken_volumes_are_refused(tmp_path: Path) -> None:
     shape = volume(tmp_path / "a.vol", ball(4))
     whole = (tmp_path / "a.vol").read_bytes()
     nowhere = volume(tmp_path / "b.vol", ball(4) + 2)
+    noise = volume(tmp_path / "d.vol", np.random.default_rng(1).normal(size=(70, 70, 70)))
     nan = volume(tmp_path / "c.vol", ball(4) * np.nan)
     for data, words in ((whole[:-4], "bytes"), (whole[:20], "another file"), (b"PK" + whole[2:], "another file")):
         (tmp_path / "a.vol").write_bytes(data)
         assert words in problems_of(tmp_path, shape)[0].came
     assert "nowhere" in problems_of(tmp_path, nowhere)[0].came
+    (found,) = problems_of(tmp_path, noise)
+    assert "a surface through 326," in found.came and "at most 262,144" in found.wanted
     assert "finite" in problems_of(tmp_path, nan)[0].came

@@ -60,6 +60,7 @@ def peak_rows(workloads: Sequence[dict[str, Any]]) -> list[list[object]]:
 
 
 def percent_of(share: float | None) -> float | None:
+    """In per cent."""
     return None if share is None else 100 * share
 
 

@@ -208,6 +208,7 @@ class Result(Open):
     created_utc: str
     duration_s: float
     suite: str
+    partial: bool = Field(False, description="Ctrl-C ended the run: parts are missing, and there is no score")
     class_: Literal["closed", "open"] = Field(alias="class", description="closed: raytide as shipped, nothing set")
     class_reasons: list[str]
     verification: Literal["unverified", "reproduced"]

@@ -86,7 +86,7 @@ def status_of(result: dict[str, Any]) -> str:
     if result.get("edited"):
         return EDITED_OUTCOME
     rows = result["workloads"] or [one for _, _, one in measurements(result)]
-    bad = sorted({*statuses(result).values()} - {"ok"})
+    bad = sorted({*statuses(result).values()} - {"ok"}) + (["interrupted"] if result.get("partial") else [])
     return ", ".join([*(bad or ["ok"]), *(flag for flag in ADVICE if any(flag in flags_of(one) for one in rows))])
 
 

@@ -81,6 +81,7 @@ class Findings:
     device: dict[str, Any] | None = None
     parts: dict[str, dict[str, Any]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    partial: bool = False  # somebody ended the run before its end
     origin: float = field(default_factory=time.perf_counter)  # of time stamps; the same clock in children
 
     def samples(self) -> dict[str, int]:
@@ -90,7 +91,8 @@ class Findings:
 
 
 def run_job(job: Job, say: Say, words: Sequence[str] = ()) -> dict[str, Any]:
-    """The result of one device, ready for its file; never raises for what a driver does."""
+    """The result of one device, ready for its file; never raises for what a driver does. Ctrl-C ends it with what was
+    finished, `partial`; where nothing was, KeyboardInterrupt goes on."""
     begun, created = time.perf_counter(), time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     host = record.host_record()
     found = Findings()
@@ -98,8 +100,16 @@ def run_job(job: Job, say: Say, words: Sequence[str] = ()) -> dict[str, Any]:
         environment = dict(os.environ)
         if job.plan == "full":
             environment["RAYTIDE_CACHE_DIR"] = folder  # nothing is warm: builds are timed
-        while missing := [part for part in job.parts if part not in found.parts]:
-            run_child(job, missing, environment, found, say)
+        try:
+            while missing := [part for part in job.parts if part not in found.parts]:
+                run_child(job, missing, environment, found, say)
+        except KeyboardInterrupt:
+            if not found.parts:
+                raise
+            found.partial = True
+            left = len(job.parts) - len(found.parts)
+            found.problems.append(f"interrupted: {left} of {len(job.parts)} parts were not measured")
+            say(found.problems[-1])
     host["load_avg_1m_end"] = record.load()
     return result_of(job, found, host, created, time.perf_counter() - begun, words)
 
@@ -201,10 +211,10 @@ def result_of(
         add_limiters(one, peaks or {}, (device or {}).get("cache_bytes", 0))
     settings = {"threads": job.threads, "scramble": job.scramble, "only": list(job.only), "traversal": job.traversal}
     reasons = record.class_reasons(tuple((device or {}).get("options", ())), settings) + edited_reasons()
-    scored = workloads and job.scramble is None and not job.soak_s
+    scored = workloads and job.scramble is None and not job.soak_s and not found.partial
     result: dict[str, Any] = {
         "schema": SCHEMA, "run_id": str(uuid.uuid4()), "created_utc": created, "duration_s": seconds,
-        "suite": job.suite, "plan": {"name": job.plan, **vars(PLANS[job.plan])},
+        "suite": job.suite, "partial": found.partial, "plan": {"name": job.plan, **vars(PLANS[job.plan])},
         "class": "open" if reasons else "closed", "class_reasons": reasons, "verification": "unverified",
         "command": record.command_record(list(words)), "tool": record.tool_record(), "host": host,
         "device_id": device["id"] if device else job.device, "device": device, "env": record.environment_record(),

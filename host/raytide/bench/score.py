@@ -16,6 +16,7 @@ from raytide.report.summary import geometric_mean
 
 EDITED = "edited since it was written"  # a result file; then it has no score
 EDITED_OUTCOME = f"{EDITED}: no score"
+PARTIAL = "interrupted: parts are missing"  # a run; then it has no score
 FILE = Path(__file__).with_name("reference_rates.json")
 NAMES = {"full": "Score", "quick": "Quick score"}
 STUDENT = {2: 12.71, 3: 4.303, 4: 3.182, 5: 2.776}  # 97.5 % points of t by the number of visits
@@ -79,11 +80,13 @@ def score_line(score: dict[str, Any] | None, workloads: Sequence[dict[str, Any]]
 
 
 def standing(result: dict[str, Any]) -> str:
-    """`class closed, unverified`, with what took the run out of its class; of an edited file that it is one."""
+    """`class closed, unverified`, with what took the run out of its class; of edited files and of partial runs that
+    they are such."""
     if result.get("edited"):
         return EDITED
     reasons = f" ({'; '.join(result['class_reasons'])})" if result["class_reasons"] else ""
-    return f"class {result['class']}{reasons}, {result['verification']}"
+    partial = f", {PARTIAL}" if result.get("partial") else ""
+    return f"class {result['class']}{reasons}, {result['verification']}{partial}"
 
 
 def interval_line(score: dict[str, Any] | None) -> str | None:

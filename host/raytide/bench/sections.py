@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from raytide.bench.clocks import clocks_section
-from raytide.bench.kernel_sections import kernels_sections
+from raytide.bench.kernel_sections import kernels_sections, percent_of
 from raytide.bench.pictures import FULL_SCALE
 from raytide.bench.score import EDITED_OUTCOME, interval_line, score_line
 from raytide.bench.show import figure as text_figure
@@ -175,18 +175,14 @@ def validity_table(workloads: Sequence[dict[str, Any]]) -> Html:
     for one in workloads:
         found = one.get("validity") or {}
         same, unbiased = found.get("same_samples") or {}, found.get("unbiased") or {}
-        rows.append([one["id"], status_word(one), share(same.get("diverged_frac")), share(same.get("p999_rel")),
-                     share((found.get("counters") or {}).get("max_rel_diff")),
-                     share((found.get("work") or {}).get("max_rel_diff")), unbiased.get("max_abs_z"),
+        rows.append([one["id"], status_word(one),
+                     percent_of(same.get("diverged_frac")), percent_of(same.get("p999_rel")),
+                     percent_of((found.get("counters") or {}).get("max_rel_diff")),
+                     percent_of((found.get("work") or {}).get("max_rel_diff")), unbiased.get("max_abs_z"),
                      unbiased.get("limit"), one["reason"] or ""])  # fmt: skip
     head = ["workload", "status", "pixels that differ %", "99.9 % of the values differ by less than %",
             "ray counts differ by %", "visits and hits differ by %", "largest |z|", "its limit", "reason"]  # fmt: skip
     return table(head, rows)
-
-
-def share(value: float | None) -> float | None:
-    """In per cent."""
-    return None if value is None else 100 * value
 
 
 def pictures(workloads: Sequence[dict[str, Any]]) -> Html | None:

@@ -8,7 +8,7 @@ import statistics
 from typing import Any
 
 from raytide.bench.doubts import CLOSE, flags_of
-from raytide.bench.score import EDITED, EDITED_OUTCOME, interval_line, score_line, standing
+from raytide.bench.score import EDITED, EDITED_OUTCOME, PARTIAL, interval_line, score_line, standing
 
 _WORDS = ("", "LIMITED BY")  # heads of columns of words
 PREFIXES = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"))
@@ -236,6 +236,8 @@ def verdict(result: dict[str, Any]) -> str:
     line, doubt = score_line(score, result["workloads"]), interval_line(score)
     if line:
         return f"{doubt}\n{line}" if doubt else line
+    if result.get("partial"):
+        return f"no score: {PARTIAL}"
     if not score:
         return "no score: only suites quick, full and renders have one, and no scrambled or soaked run"
     bad = [f"{one['id']} {one['status']}" for one in result["workloads"] if one["status"] != "ok"]

@@ -16,8 +16,10 @@ from raytide.errors import DeviceError, UsageError
 if TYPE_CHECKING:
     from raytide.bench.runner import Job
 
-INVALID, NO_DEVICE, FAILED, REGRESSION = 4, 3, 1, 5
+INVALID, NO_DEVICE, FAILED, REGRESSION, INTERRUPTED = 4, 3, 1, 5, 130
 SUFFIX = ".bench.json"
+PATIENCE = "5min"
+LONGEST_S = 1e6
 
 app = App(name="bench", help="Measure devices: a score for right pictures only.", result_action="return_value")
 
@@ -35,10 +37,12 @@ def bench(
     threads: int | None = None,
     traversal: str = "single",
     scramble: Flag = False,
-    soak: float = 0.0,
-    patience: float = 300.0,
+    soak: str | None = None,
+    patience: str = PATIENCE,
 ) -> int:
     """Measure a device, or all. Each runs in a process of its own: one that crashes or hangs is a result.
+
+    Ctrl-C keeps the parts that were finished: as a partial result, which has no score.
 
     Parameters
     ----------
@@ -64,9 +68,9 @@ def bench(
     scramble
         Permute triangles and workloads: rates should not change. Never scored.
     soak
-        Seconds for which every workload is repeated after its timing, to see whether the device slows down.
+        Time for which every workload is repeated after its timing, such as 10min: does the device slow down?
     patience
-        Seconds without a word from a driver after which it is ended.
+        Time without a word from a driver after which it is ended.
     """
     jobs = jobs_of(suite, device, quick, workload, threads, traversal, scramble, soak, patience)
     return measure(jobs, output, csv, html)
@@ -85,16 +89,20 @@ def measure(jobs: Sequence[Job], output: Path | None, csv: Path | None, html: Pa
         show(results[-1])
         if output:
             write(output if len(jobs) == 1 else beside(output, job.device), results[-1])
+        if results[-1].get("partial"):
+            break
     if csv:
         write_csv(csv, results)
     if html:
         write_html(html, results)
+    if results[-1].get("partial"):
+        return INTERRUPTED
     return max(map(exit_code, results), key=(0, FAILED, NO_DEVICE, INVALID).index)
 
 
 def jobs_of(
     suite: str, device: str | None, quick: bool, workload: Sequence[str] | None, threads: int | None, traversal: str,
-    scramble: bool, soak: float, patience: float,
+    scramble: bool, soak: str | None, patience: str,
 ) -> list[Job]:
     """One for each device. Raises UsageError and DeviceError before anything runs."""
     import secrets
@@ -102,6 +110,7 @@ def jobs_of(
 
     from raytide.bench.runner import Job
     from raytide.bench.workloads import WORKLOADS
+    from raytide.cli.options import seconds_of
     from raytide.errors import list_words, nearest
     from raytide.report.ray_tracer import TRAVERSALS
 
@@ -112,13 +121,14 @@ def jobs_of(
             raise UsageError(f"workload: came {name!r}; wanted {wanted}")
     if traversal not in TRAVERSALS:
         raise UsageError(f"traversal: came {traversal!r}; wanted one of {', '.join(TRAVERSALS)}")
-    numbers = [("patience", patience, 1.0), ("soak", soak, 0.0)]
-    numbers += [] if threads is None else [("threads", threads, 1)]
-    for key, value, least in numbers:
-        if not least <= value < 1e6:
-            raise UsageError(f"{key}: came {value:g}; wanted a number from {least:g} on")
+    if threads is not None and not 1 <= threads < 1e6:
+        raise UsageError(f"threads: came {threads}; wanted a number from 1 on")
+    soak_s, patience_s = seconds_of("--soak", soak) or 0.0, seconds_of("--patience", patience) or 0.0
+    for option, text, value, least in (("--soak", soak, soak_s, 0.0), ("--patience", patience, patience_s, 1.0)):
+        if not least <= value < LONGEST_S:
+            raise UsageError(f"{option}: came {text!r}; wanted a time from {least:g} s to {LONGEST_S:g} s")
     seed = secrets.randbits(30) if scramble else None
-    job = Job("", suite, quick, threads, tuple(workload or ()), seed, soak, patience, traversal)
+    job = Job("", suite, quick, threads, tuple(workload or ()), seed, soak_s, patience_s, traversal)
     refuse_idle(job)
     return [replace(job, device=name) for name in device_ids(device)]
 
@@ -290,7 +300,7 @@ def compare(
     share = comparing.share_of(fail_above) if fail_above else None
     check_outputs([], [html], no_clobber=False)
     first, *others = [load_result(file) for file in files]
-    names = [file.name.removesuffix(SUFFIX) for file in files]
+    names = names_of(files)
     found = [comparing.compare(first, other, force) for other in others]
     worse, blind = list[str](), list[str]()
     for name, one in zip(names[1:], found, strict=True):
@@ -312,6 +322,12 @@ def compare(
     for name in blind:
         say(f"fail-above: {name}: nothing could be judged: no measurement is in both files that others left alone")
     return REGRESSION if worse else 1 if blind else 0
+
+
+def names_of(files: Sequence[Path]) -> list[str]:
+    """What results are called: their files' names, with folders where two share one."""
+    names = [file.name.removesuffix(SUFFIX) for file in files]
+    return names if len(set(names)) == len(names) else [str(file).removesuffix(SUFFIX) for file in files]
 
 
 @app.command

@@ -131,7 +131,7 @@ def truth_of(plan: Plan, devices: Devices, reference: Path | None, spp: int | No
     from raytide.report.reference import read_reference
 
     if reference is not None:
-        return read_reference(reference)
+        return read_reference(reference, plan.seeds())
     scene = load_variant(plan, Variant("reference"))
     scene.render.spp = slice_spp(plan, spp)
     without_bias(scene.render)  # so that it counts as error
@@ -196,8 +196,8 @@ def write(output: Path, outcomes: list[Outcome], facts: dict[str, Any], reporter
     plotted = write_plot(output / "converge.png", outcomes)
     if not plotted:
         reporter.say("no converge.png: matplotlib is not installed (pip install 'raytide[report]')")
-    for warning in filter(None, (outcome.warning() for outcome in outcomes)):
-        reporter.say(warning)
+    for text in filter(None, (text for outcome in outcomes for text in (outcome.warning(), outcome.wanting()))):
+        reporter.say(text)
     print(lines(outcomes))
     names = ["renders.csv", "converge.json", "converge.html", *(["converge.png"] if plotted else [])]
     print(*(output / name for name in names), sep="\n")
@@ -213,6 +213,8 @@ def lines(outcomes: list[Outcome]) -> str:
     rows = []
     for outcome in outcomes:
         for track in outcome.tracks:
+            if not complete(track):  # it was interrupted before
+                continue
             last, fitted = complete(track)[-1].figures(), outcome.fit_of(track)
             ends = [100 * max(last[key], 0.0) ** 0.5 for key in ("relmse_low", "relmse_high")]
             rows.append([

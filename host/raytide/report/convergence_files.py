@@ -19,6 +19,7 @@ from raytide.report.start_cost import StartCost
 SCHEMA = "raytide.converge/1"
 MOST_DRIFT = 0.05  # of the time of a render: above, times are not to be relied on
 LEAST_REPLICATES = 6  # that tell a drift
+MOST_UNKNOWN, MOST_UNKNOWN_SLOPE = 0.1, 0.03  # half a 95 % interval: of a relMSE, as a share of it, and of a slope
 TARGETS = (0.1, 10**-1.5, 0.01)  # errors, roots of relMSE 1e-2, 1e-3, 1e-4
 
 
@@ -67,6 +68,25 @@ class Outcome:
         word = "longer" if drift > 0 else "less"
         return (f"{self.name}: the last renders took {100 * abs(drift):.0f} % {word} than the first, for equal work: "
                 "the machine changed meanwhile, its times are not to be relied on")  # fmt: skip
+
+    def wanting(self) -> str | None:
+        """What is not known well, and how many replicates would tell it, as intervals shrink with the root of their
+        number, for people; None where all is known."""
+        found = []  # (times what is allowed, replicates, words)
+        for track in self.tracks:
+            for point in (one for one in complete(track) if one.counts()):
+                half = 1.96 * point.standard_error() / float(point.relmse.mean())
+                if math.isfinite(half):
+                    words = f"the relMSE of {track.variant.name}, {point.label}, to +-{100 * half:.2g} %"
+                    found.append((half / MOST_UNKNOWN, len(point.rows), words))
+            if fitted := self.fit_of(track):
+                half = (fitted.slope95[1] - fitted.slope95[0]) / 2
+                words = f"the slope of {track.variant.name} to +-{half:.2g}"
+                found.append((half / MOST_UNKNOWN_SLOPE, self.plan.replicates, words))
+        times, count, words = max(found, default=(0.0, 0, ""))
+        if times <= 1:
+            return None
+        return f"{self.name}: {words} only is known: add replicates, about {math.ceil(count * times**2)} would tell"
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -100,13 +100,13 @@ def scene_section(outcome: Outcome) -> Html:
     own = math.sqrt(max(outcome.truth.own_relmse, 0.0))
     name = PurePath(outcome.truth.name).name
     about = f"{width}x{height}, reference {name} with an error of its own of {100 * own:.2g} %"
-    warning = outcome.warning()
+    warnings = [paragraph(text) for text in (outcome.warning(), outcome.wanting()) if text]
     plots = [figure(time_plot(outcome, way, label)) for way, label in WAYS]
     if outcome.plan.most_spp:
         plots.append(figure(sample_plot(outcome), "Dashed: half the error for four times the samples, slope -0.5."))
     plots.append(figure(estimate_plot(outcome), "What renders thought of themselves; 1 is right."))
     tables = [details(f"{track.variant.name}: all points", point_table(outcome, track)) for track in outcome.tracks]
-    return section(outcome.name, paragraph(about), paragraph(warning) if warning else None,
+    return section(outcome.name, paragraph(about), *warnings,
                    element("div", *plots, class_="row"), *tables, pictures(outcome))  # fmt: skip
 
 

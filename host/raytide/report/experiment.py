@@ -83,6 +83,10 @@ class Plan:
         """Another seed for each render of a variant. References count from 2^31 (reference.py)."""
         return (self.seed * 100_003 + replicate * len(self.budgets) + budget) % 2**31
 
+    def seeds(self) -> set[int]:
+        """Of all renders."""
+        return {self.seed_of(replicate, at) for replicate, _, at in order(self)}
+
 
 @dataclass
 class Track:

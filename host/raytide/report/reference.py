@@ -10,7 +10,7 @@ import json
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -165,13 +165,18 @@ def write_picture(path: Path, done: Slices, renderer: Renderer) -> None:
     write_exr(path, layers, {**header, "raytide": own, **capture_date()})
 
 
-def read_reference(path: str | os.PathLike[str]) -> Truth:
+def read_reference(path: str | os.PathLike[str], seeds: Collection[int] = ()) -> Truth:
     """Any EXR picture; its `variance` layer, of pixel means, is subtracted where it has one. Raises UsageError, for a
-    picture that says it is biased too, and ImageInvalid."""
+    picture too that says it is biased, or rendered with one of `seeds`, those of the renders that it is to judge: its
+    samples would be theirs, and their errors too small. Raises ImageInvalid."""
     image = read_exr(path)
     rgb = image.rgb.astype(np.float64)
     if bias := told_bias(image.header):
         raise UsageError(f"{os.fspath(path)}: came a picture that is {bias}; wanted a reference without")
+    seed = str(image.header.get("raytide.seed"))
+    if seed.isdecimal() and int(seed) in seeds:
+        raise UsageError(f"{os.fspath(path)}: came a picture of the seed {seed}, which a replicate has, too, so that "
+                         "both share samples; wanted one of another seed, or another --seed")  # fmt: skip
     variance = image.layers.get("variance")
     known = variance is not None and variance.shape == rgb.shape and bool(np.isfinite(variance).all())
     if not np.isfinite(rgb).all():

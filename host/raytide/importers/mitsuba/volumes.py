@@ -15,7 +15,8 @@ from raytide.importers.mitsuba.patches import Patch
 HEADER = struct.Struct("<3sBiiiii6f")  # VOL, version, kind of numbers, sizes along x, y, z, channels, bounds
 FLOATS = 1  # the only kind of numbers that Mitsuba writes
 MOST_BYTES = 1 << 28
-LONGEST_GRID = 256  # along one axis, so that triangles stay countable
+LONGEST_GRID = 256  # along one axis
+MOST_CELLS = 1 << 18  # that the surface crosses: about six triangles each; a ball in the longest grid crosses 200,000
 FINE = 48  # cells along the longest axis; coarser fields are refined
 
 
@@ -51,9 +52,16 @@ def refined(field: np.ndarray) -> np.ndarray:
 
 def zero_level(field: np.ndarray) -> Patch:
     """Triangles of the zero level of a field (z, y, x) over the cube from 0 to 1, fronts where the field is positive;
-    linear in the six tetrahedra around the diagonal of each cell (Freudenthal's). Neighbours share their vertices."""
+    linear in the six tetrahedra around the diagonal of each cell (Freudenthal's). Neighbours share their vertices.
+
+    Raises SceneError where more than MOST_CELLS cells are crossed, as by noise.
+    """
     sizes = np.array(field.shape)
-    start = np.argwhere(_crossed(field))
+    crossed = _crossed(field)
+    if (count := int(crossed.sum())) > MOST_CELLS:
+        wanted = f"at most {MOST_CELLS:,}: a smoother field, or one of fewer points"
+        raise SceneError([Problem("", f"a surface through {count:,} cells", wanted)])
+    start = np.argwhere(crossed)
     found = [np.zeros((0, 3, 3))]
     for order in permutations(range(3)):
         steps = np.concatenate([np.zeros((1, 3), int), np.cumsum(np.eye(3, dtype=int)[list(order)], axis=0)])
