@@ -61,8 +61,9 @@ def image(device: Device, scene: rt.Scene, **more: object) -> np.ndarray:
     [
         {"light_choice": "power", "sampler": "blue_noise", "max_depth": 4},  # where many paths come to their last edge
         {"light_choice": "tree", "sampler": "random", "max_depth": 9},
+        {"clamp_direct": 0.25, "clamp_indirect": 0.1, "regularise": True, "max_depth": 5},
     ],
-    ids=["power, blue noise", "tree, random numbers"],
+    ids=["power, blue noise", "tree, random numbers", "clamped and regularised"],
 )
 def test_shading_eight_vertices_at_once_changes_no_bit(device: Device, settings: dict[str, object]) -> None:
     together = image(device, scene_of_meshes(False, spp=8, roulette_start=3, **settings))
