@@ -56,7 +56,8 @@ def test_a_page_names_every_part_that_is_missing_and_why() -> None:
     result["rays"]["scenes"]["room"] = {"status": "skipped", "reason": "25 s were over"}
     result["rays"]["scaling"]["skipped"] = [{"triangles": 10_000, "reason": "too large"}]
     found = {row[0]: row[2] for row in left_out_rows(result)}
-    assert found == {"peaks": "the driver's process crashed with signal 11", "rays room": "25 s were over", "rays terrain, 10000 triangles": "too large",
+    assert found == {"peaks": "the driver's process crashed with signal 11", "rays room": "25 s were over",
+                     "rays terrain, 10000 triangles": "too large",
                      f"renders {result['workloads'][2]['id']}": "rays of another number"}  # fmt: skip
     page = "".join(map(str, parts_of(result)))
     assert "Left out" in page and "crashed with signal 11" in page and page.count("25 s were over") == 1
