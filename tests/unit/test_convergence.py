@@ -145,7 +145,7 @@ def test_a_machine_that_changes_while_it_is_timed_is_told(slower: float, said: s
     assert timed.drift() is None, "budgets of time are no equal work"
 
 
-@pytest.mark.parametrize(("replicates", "said"), [(4, "the slope of"), (400, None)])
+@pytest.mark.parametrize(("replicates", "said"), [(4, "the slope (as the scene says) is known to"), (400, None)])
 def test_what_too_few_replicates_leave_open_is_told_with_how_many_would_do(replicates: int, said: str | None) -> None:
     """Independent pixels: relMSE is known well, the slope by so few replicates is not."""
     plan = Plan(Path("a.toml"), variants_of([]), (Budget(1), Budget(4), Budget(16)), replicates)

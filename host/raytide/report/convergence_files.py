@@ -77,16 +77,16 @@ class Outcome:
             for point in (one for one in complete(track) if one.counts()):
                 half = 1.96 * point.standard_error() / float(point.relmse.mean())
                 if math.isfinite(half):
-                    words = f"the relMSE of {track.variant.name}, {point.label}, to +-{100 * half:.2g} %"
+                    words = f"the relMSE at {point.label} ({track.variant.name}) is known to +-{100 * half:.2g} %"
                     found.append((half / MOST_UNKNOWN, len(point.rows), words))
             if fitted := self.fit_of(track):
                 half = (fitted.slope95[1] - fitted.slope95[0]) / 2
-                words = f"the slope of {track.variant.name} to +-{half:.2g}"
+                words = f"the slope ({track.variant.name}) is known to +-{half:.2g}"
                 found.append((half / MOST_UNKNOWN_SLOPE, self.plan.replicates, words))
         times, count, words = max(found, default=(0.0, 0, ""))
         if times <= 1:
             return None
-        return f"{self.name}: {words} only is known: add replicates, about {math.ceil(count * times**2)} would tell"
+        return f"{self.name}: {words} only: add replicates, about {math.ceil(count * times**2)} would tell"
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
