@@ -14,12 +14,13 @@ from raytide.scene.materials import MATERIALS
 
 LIGHT = ("emit", "connect", "splat")  # waves of light that is traced from the lights
 NONE_ON = Features(triangles=False, tree=False, sobol=False)
+EITHER_OR = ("regularised",)  # no scene has it with caustics: both mark paths by one bit
 ALL_ON = Features(
     materials=tuple((kind, MATERIALS[kind].PARAMETERS) for kind in sorted(MATERIALS)),
     shapes=kinds("shape"),
     lights=kinds("light"),
     textures=kinds("texture"),
-    **{field.name: True for field in fields(Features) if field.type == "bool"},
+    **{field.name: field.name not in EITHER_OR for field in fields(Features) if field.type == "bool"},
 )
 
 
@@ -47,8 +48,9 @@ def assert_no_warnings(device: Device, cases: dict[str, Features]) -> None:
 
 
 def test_all_and_none_build_without_a_warning(device: Device) -> None:
-    wide = {"all, wide": replace(ALL_ON, compact=False), "compact": replace(NONE_ON, tree=True, compact=True)}
-    assert_no_warnings(device, {"none": NONE_ON, "all": ALL_ON, **wide})
+    other = replace(ALL_ON, compact=False, caustics=False, **dict.fromkeys(EITHER_OR, True))
+    compact = replace(NONE_ON, tree=True, compact=True)
+    assert_no_warnings(device, {"none": NONE_ON, "all": ALL_ON, "all, wide": other, "compact": compact})
 
 
 def test_kernels_of_lists_build_without_a_warning(device: Device) -> None:
@@ -67,6 +69,6 @@ def test_each_switch_alone_builds_without_a_warning(device: Device) -> None:
 
 
 def test_none_leaves_out_every_kind_and_all_leaves_out_nothing() -> None:
-    assert ALL_ON.left_out() == []
+    assert ALL_ON.left_out() == list(EITHER_OR)
     assert set(NONE_ON.left_out()) == set(NONE_ON.switches())
     assert "compact" in replace(NONE_ON, compact=True).left_out()  # a layout of the tree is nothing without one
