@@ -199,7 +199,7 @@ def test_define_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtur
     path = tmp_path / "scene.xml"
     path.write_text(scene_text('<default name="r" value="0"/>', BALL.format("$r")))
     assert main(["scene", "check", str(path)]) == 2
-    assert "scene.xml:6: objects.sphere.radius" in capsys.readouterr().err
+    assert "scene.xml:6: shape.sphere: radius" in capsys.readouterr().err
     assert main(["scene", "check", str(path), "-D", "r=3", "--set", "camera.size=[16,16]"]) == 0
     assert main(["scene", "convert", str(path), str(tmp_path / "out.toml"), "-D", "r=3"]) == 0
     assert radius_of(load(tmp_path / "out.toml")) == 3
