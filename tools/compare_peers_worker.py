@@ -60,7 +60,9 @@ def start(name: str, scene: PeerScene, size: int, threads: int) -> tuple[Any, di
 
 
 def rates(peer: Any, pixels: int, repeats: int) -> dict[str, Any]:
-    """Samples a second from a long and a short render, so that what every render costs cancels."""
+    """Samples a second from a long and a short render, so that what every render costs cancels. What the first
+    longer render compiles must not pass for rendering: those that count would be far too short."""
+    peer.render(peer.whole(2), 1)
     high, seconds = 2, timed(peer.render, peer.whole(2), 1)[0]
     while seconds < LONG_S:
         high = math.ceil(high * min(4.0, 1.2 * LONG_S / seconds))

@@ -15,6 +15,7 @@ sys.path.insert(0, str(TOOLS))
 import compare_peers as peers  # noqa: E402
 import compare_peers_report as report  # noqa: E402
 import compare_peers_scenes as scenes  # noqa: E402
+import compare_peers_worker as worker  # noqa: E402
 from raytide.errors import UsageError  # noqa: E402
 
 
@@ -103,3 +104,27 @@ def test_the_renderer_that_is_named_makes_the_references():
     assert peers.referee(there, argparse.Namespace(reference_by="cycles")) == "cycles"
     with pytest.raises(UsageError, match="luxcore"):
         peers.referee(there, argparse.Namespace(reference_by="luxcore"))
+
+
+class Compiler:
+    """A renderer that takes 0.01 s a sample, and two seconds more for the first picture of more than one."""
+
+    def __init__(self) -> None:
+        self.now, self.begun, self.taken = 0.0, False, []
+
+    def whole(self, spp: int) -> int:
+        return spp
+
+    def render(self, spp: int, seed: int) -> tuple[None, int]:
+        self.now += 0.01 * spp + (2.0 if spp > 1 and not self.begun else 0.0)
+        self.begun |= spp > 1
+        self.taken.append(spp)
+        return None, spp
+
+
+def test_what_compiles_is_not_taken_for_rendering(monkeypatch: pytest.MonkeyPatch):
+    peer = Compiler()
+    monkeypatch.setattr(worker, "time", argparse.Namespace(perf_counter=lambda: peer.now))
+    found = worker.rates(peer, pixels=100, repeats=3)
+    assert found["samples_per_s"] == pytest.approx(100 / 0.01)
+    assert 0.01 * max(peer.taken[-2:]) >= worker.LONG_S
