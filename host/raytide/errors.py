@@ -81,6 +81,12 @@ def list_words(names: Sequence[str], limit: int = 12) -> str:
     return f"one of {shown}" + (f", ... ({len(names)} in all)" if len(names) > limit else "")
 
 
+def few_of(names: Sequence[str], shown: int = 3) -> str:
+    """`a, b, c and 2 more`."""
+    more = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return ", ".join(names[:shown]) + more
+
+
 class BadPicture(ImageInvalid):
     """A picture that was given cannot be read, or holds nothing that can be used."""
 

@@ -9,10 +9,10 @@ from importlib import metadata
 from pathlib import Path
 
 import raytide
+from raytide.errors import few_of
 
 ROOT = Path(__file__).resolve().parents[3]  # of a checkout
 _CODE = (".py", ".cl", ".json", ".npz")
-_SHOWN = 3
 
 
 def edited_reasons() -> list[str]:
@@ -20,8 +20,7 @@ def edited_reasons() -> list[str]:
     edited = edited_files()
     if edited is None:
         return ["nothing tells whether files were edited: no git, no record of an installer"]
-    more = f" and {len(edited) - _SHOWN} more" if len(edited) > _SHOWN else ""
-    return [f"edited: {', '.join(edited[:_SHOWN])}{more}"] if edited else []
+    return [f"edited: {few_of(edited)}"] if edited else []
 
 
 def edited_files() -> list[str] | None:

@@ -196,7 +196,7 @@ def write(output: Path, outcomes: list[Outcome], facts: dict[str, Any], reporter
     plotted = write_plot(output / "converge.png", outcomes)
     if not plotted:
         reporter.say("no converge.png: matplotlib is not installed (pip install 'raytide[report]')")
-    for text in filter(None, (text for outcome in outcomes for text in (outcome.warning(), outcome.wanting()))):
+    for text in (text for outcome in outcomes for text in outcome.remarks()):
         reporter.say(text)
     print(lines(outcomes))
     names = ["renders.csv", "converge.json", "converge.html", *(["converge.png"] if plotted else [])]

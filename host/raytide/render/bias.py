@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from raytide.errors import Problem, SceneError, UsageError
+from raytide.errors import Problem, SceneError, UsageError, few_of
 from raytide.render.film_sums import Sums
 from raytide.scene.flatten import FlatScene
 from raytide.scene.settings import RenderSettings
@@ -58,15 +58,9 @@ class Bias:
             parts.append(f"clamping took {percent(self.lost_share)} of the light "
                          f"({percent(self.clamped_share)} of the samples)")  # fmt: skip
         if self.widened:
-            sharp = f"; {few(self.sharp)} stayed sharp" if self.sharp else ""
-            parts.append(f"paths regularised ({few(self.widened)} widened{sharp})")
+            sharp = f"; {few_of(self.sharp)} stayed sharp" if self.sharp else ""
+            parts.append(f"paths regularised ({few_of(self.widened)} widened{sharp})")
         return f"biased: {', '.join(parts)}" if parts else "biased by clamping, which took nothing so far"
-
-
-def few(names: Sequence[str]) -> str:
-    """Three names, and how many more there are."""
-    rest = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return ", ".join(names[:3]) + rest
 
 
 def percent(share: float) -> str:

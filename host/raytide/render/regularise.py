@@ -20,6 +20,7 @@ from raytide.render.surfaces import surfaces_of
 from raytide.scene.flatten import FlatScene
 from raytide.scene.material_parts import Boundary, Material, StretchedFacets
 from raytide.scene.materials import (
+    LEAST_BEND,
     Conductor,
     Dielectric,
     Glossy,
@@ -34,7 +35,6 @@ from raytide.scene.textured import texture_of
 
 LEAST, MOST = 0.1, 0.3  # alpha of widened facets
 PERFECT = {"eta": (1e-6,) * 3, "k": (1e3,) * 3}  # a metal that reflects all, to the last bit
-LEAST_BEND = 1e-3  # of a ratio of indices from 1: rough boundaries need it
 
 
 def widened_alpha(alpha: float) -> float:

@@ -60,6 +60,10 @@ class Outcome:
         course, third = [statistics.median(taken[one]) for one in sorted(taken)], len(taken) // 3
         return statistics.median(course[-third:]) / statistics.median(course[:third]) - 1
 
+    def remarks(self) -> list[str]:
+        """What readers must know before they rely on the figures."""
+        return [text for text in (self.warning(), self.wanting()) if text]
+
     def warning(self) -> str | None:
         """What voids the times, for people."""
         drift = self.drift()

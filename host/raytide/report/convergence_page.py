@@ -100,7 +100,7 @@ def scene_section(outcome: Outcome) -> Html:
     own = math.sqrt(max(outcome.truth.own_relmse, 0.0))
     name = PurePath(outcome.truth.name).name
     about = f"{width}x{height}, reference {name} with an error of its own of {100 * own:.2g} %"
-    warnings = [paragraph(text) for text in (outcome.warning(), outcome.wanting()) if text]
+    warnings = [paragraph(text) for text in outcome.remarks()]
     plots = [figure(time_plot(outcome, way, label)) for way, label in WAYS]
     if outcome.plan.most_spp:
         plots.append(figure(sample_plot(outcome), "Dashed: half the error for four times the samples, slope -0.5."))

@@ -18,6 +18,8 @@ from raytide.scene.presets import CONDUCTORS
 from raytide.scene.rough_albedo import coat_fit, diffuse_reflectance, loss_fit, metal_diffuse_reflectance
 from raytide.scene.values import Emission, Flag, Index, Number, Reflectance, check_product, key
 
+LEAST_BEND = 1e-3  # of a ratio of indices from 1: facets that hardly bend join no two directions
+
 
 class Emissive(Material):
     """A surface that shines on the side of its normal; it reflects nothing unless it has a base."""
@@ -164,8 +166,9 @@ class RoughDielectric(Body, StretchedFacets):
     @model_validator(mode="after")
     def _bends(self) -> Self:
         ratio = self.ior / self.exterior_ior
-        if abs(ratio - 1) < 1e-3:
-            raise ValueError(f"came ior / exterior_ior = {ratio:g}; wanted it to differ from 1 by at least 0.001")
+        if abs(ratio - 1) < LEAST_BEND:
+            wanted = f"wanted it to differ from 1 by at least {LEAST_BEND:g}"
+            raise ValueError(f"came ior / exterior_ior = {ratio:g}; {wanted}")
         return self
 
 
